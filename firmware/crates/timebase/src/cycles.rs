@@ -1,0 +1,126 @@
+//! The unit of time since boot, and its conversions.
+//!
+//! *Purpose.* [`Cycles`]: a 64-bit count of core clock cycles since boot, 5.95 ns
+//! each, good for 3 480 years.
+//!
+//! *Design.* Conversions to ns and µs are exact and need no 64-bit division,
+//! which on this core is a library call of hundreds of instructions: a quotient
+//! by a constant is the upper half of a product. Interrupts that must be short
+//! take a 32-bit [`Stamp`], the low word, and whoever drains their ring extends it.
+//!
+//! *Limits.* The figures assume a core clock of exactly [`CORE_HZ`]; what the
+//! crystal really does is for the discipline of the UTC clock to find out.
+
+/// The core clock of the Pixhawk 1, in Hz: 24 MHz crystal, PLL M = 24, N = 336,
+/// P = 2 (PX4 `boards/px4/fmu-v2`, `board.h`).
+pub const CORE_HZ: u32 = 168_000_000;
+
+/// Core cycles a µs, exactly.
+const CYCLES_PER_US: u64 = CORE_HZ as u64 / 1_000_000;
+
+/// Time since boot, in cycles of the core clock.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Cycles(pub u64);
+
+impl Cycles {
+    /// The moment at which the time driver started.
+    pub const BOOT: Self = Self(0);
+
+    /// Whole µs since boot, rounded down.
+    #[must_use]
+    #[inline]
+    pub const fn as_micros(self) -> u64 {
+        // floor(n / 21) is the upper part of n · ceil(2^68 / 21): exact for every
+        // n below 2^63, because the multiplier is less than 21 / 2^68 too large.
+        const RECIPROCAL: u64 = ((1_u128 << 68) / 21 + 1) as u64;
+        multiply_high(self.0 >> 3, RECIPROCAL) >> 4
+    }
+
+    /// ns since boot, rounded down; stops at `u64::MAX` after 584 years.
+    #[must_use]
+    #[inline]
+    pub const fn as_nanos(self) -> u64 {
+        let whole = self.as_micros();
+        // Less than a µs is left over, so the rest is 32-bit arithmetic.
+        let rest = (self.0.wrapping_sub(whole.wrapping_mul(CYCLES_PER_US))) as u32;
+        whole
+            .saturating_mul(1_000)
+            .saturating_add((rest * 125 / 21) as u64)
+    }
+
+    /// The first cycle that is not earlier than `us` µs after boot; stops at
+    /// `u64::MAX`.
+    #[must_use]
+    #[inline]
+    pub const fn from_micros(us: u64) -> Self {
+        Self(us.saturating_mul(CYCLES_PER_US))
+    }
+
+    /// The first cycle that is not earlier than `ns` ns after boot; stops at
+    /// `u64::MAX`. For set-up and tests: it divides.
+    #[must_use]
+    pub const fn from_nanos(ns: u64) -> Self {
+        let cycles = (ns as u128 * 21).div_ceil(125);
+        Self(if cycles > u64::MAX as u128 {
+            u64::MAX
+        } else {
+            cycles as u64
+        })
+    }
+
+    /// Cycles from `earlier` to `self`; negative when `self` is the earlier one.
+    #[must_use]
+    #[inline]
+    pub const fn since(self, earlier: Self) -> i64 {
+        self.0.wrapping_sub(earlier.0).cast_signed()
+    }
+
+    /// The low word, for comparison with a [`Stamp`].
+    #[must_use]
+    #[inline]
+    pub const fn stamp(self) -> Stamp {
+        Stamp(self.0 as u32)
+    }
+
+    /// `self` and `cycles` more; stops at `u64::MAX`.
+    #[must_use]
+    #[inline]
+    pub const fn plus(self, cycles: u64) -> Self {
+        Self(self.0.saturating_add(cycles))
+    }
+}
+
+/// The low 32 bits of [`Cycles`]: what an interrupt stamps a byte with.
+///
+/// It names a moment for 25.5 s; extend it before.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Stamp(pub u32);
+
+impl Stamp {
+    /// The full time of a stamp that was taken at most 25.5 s before `now`.
+    #[must_use]
+    #[inline]
+    pub const fn extend(self, now: Cycles) -> Cycles {
+        let age = (now.0 as u32).wrapping_sub(self.0);
+        Cycles(now.0.saturating_sub(age as u64))
+    }
+}
+
+/// One byte off a serial line, with the stamp that its interrupt gave it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StampedByte {
+    /// When the byte had arrived.
+    pub stamp: Stamp,
+    /// The byte.
+    pub byte: u8,
+}
+
+/// The upper 64 bits of a 128-bit product, in four 32 × 32 multiplications.
+const fn multiply_high(a: u64, b: u64) -> u64 {
+    let (a_low, a_high) = (a & 0xffff_ffff, a >> 32);
+    let (b_low, b_high) = (b & 0xffff_ffff, b >> 32);
+    let low = a_low * b_low;
+    let middle = a_high * b_low + (low >> 32);
+    let middle_low = a_low * b_high + (middle & 0xffff_ffff);
+    a_high * b_high + (middle >> 32) + (middle_low >> 32)
+}

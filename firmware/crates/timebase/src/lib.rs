@@ -1,0 +1,23 @@
+//! Time since boot, and the words in which the rooms of the firmware tell each
+//! other what happened when.
+//!
+//! *Purpose.* One unit for everything that is stamped: [`Cycles`] of the core
+//! clock since boot. A UART byte, a pulse capture and a tick are all told in it,
+//! exactly and without a division.
+//!
+//! *Design.* [`tick`] extends a 24-bit down-counter (SysTick) to 64 bits and
+//! repairs the ticks that were lost while interrupts were masked, with a second
+//! counter of the same clock (TIM5) as witness. [`cycles`] has the unit and its
+//! conversions. [`mark`] has what the receiver's parser hands to the clock.
+//!
+//! *Limits.* Pure values and arithmetic: registers are reached through the
+//! trait [`tick::Counters`], which the firmware's time driver implements.
+#![no_std]
+#![forbid(unsafe_code)]
+
+pub mod cycles;
+pub mod mark;
+pub mod tick;
+
+pub use cycles::{CORE_HZ, Cycles, Stamp, StampedByte};
+pub use mark::{CivilTime, TimeMark, Validity};

@@ -1,0 +1,63 @@
+//! The time mark: one moment as the receiver tells it, and when it was told.
+//!
+//! *Purpose.* The value that travels from the receiver's parser to the clock.
+//!
+//! *Design.* It carries the receiver's own words (calendar fields, claims,
+//! accuracy) unjudged: what they are worth is the clock's business.
+//!
+//! *Limits.* Nothing here has been checked: a month may be 13.
+
+use crate::Cycles;
+
+/// A moment of UTC as a receiver told it, with the time at which it was told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TimeMark {
+    /// When the first byte of the message had arrived.
+    pub arrival: Cycles,
+    /// The epoch of the solution in the receiver's calendar fields, unchecked.
+    pub epoch: CivilTime,
+    /// The receiver's own estimate of its time accuracy, in ns (tAcc);
+    /// `u32::MAX` when it has none.
+    pub t_acc_ns: u32,
+    /// What the receiver claims about those fields.
+    pub validity: Validity,
+}
+
+/// Calendar fields of UTC, as they stand in a NAV-PVT: any value can occur.
+///
+/// `nano` is signed: the fields are rounded to 10 ms, so it runs from
+/// −5 000 000 to +995 000 000 (u-blox M8 receiver description, UBX-NAV-PVT).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CivilTime {
+    /// Year, as in 2026.
+    pub year: u16,
+    /// Month, 1 to 12.
+    pub month: u8,
+    /// Day of the month, 1 to 31.
+    pub day: u8,
+    /// Hour, 0 to 23.
+    pub hour: u8,
+    /// Minute, 0 to 59.
+    pub minute: u8,
+    /// Second, 0 to 60; 60 is a leap second.
+    pub second: u8,
+    /// Nanoseconds to add to the fields above; may be negative.
+    pub nano: i32,
+}
+
+/// What the receiver claims about a [`TimeMark`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Validity {
+    /// `validDate`: the date is valid.
+    pub date: bool,
+    /// `validTime`: the time of day is valid.
+    pub time: bool,
+    /// `fullyResolved`: no whole-second doubt is left.
+    pub fully_resolved: bool,
+    /// `confirmedTime`: confirmed by a second source. Timing receivers never
+    /// set it.
+    pub confirmed: bool,
+    /// The leap-second count came from the sky; `false` while the receiver still
+    /// uses the count that it was built with (utcStandard is 0xf).
+    pub leap_seconds_known: bool,
+}

@@ -1,0 +1,1 @@
+//! What a person sees of a running board: its log decoded, a status line a second.

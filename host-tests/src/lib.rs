@@ -1,0 +1,1 @@
+//! Scenarios, replays of recordings, exhaustive and property tests of the firmware's logic.

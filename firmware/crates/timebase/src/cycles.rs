@@ -124,3 +124,63 @@ const fn multiply_high(a: u64, b: u64) -> u64 {
     let middle_low = a_low * b_high + (middle & 0xffff_ffff);
     a_high * b_high + (middle >> 32) + (middle_low >> 32)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Both ends, every carry of the wide multiplication, and what lies between.
+    fn samples() -> impl Iterator<Item = u64> {
+        let edges = (0..64).flat_map(|bit| {
+            let edge = 1_u64 << bit;
+            [edge - 1, edge, edge + 1]
+        });
+        let mut state = 1_u64;
+        let scattered = (0..100_000).map(move |_| {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            state >> (state % 61)
+        });
+        edges.chain(scattered).chain([u64::MAX])
+    }
+
+    #[test]
+    fn micros_are_the_floor_of_a_division() {
+        for cycles in samples() {
+            assert_eq!(Cycles(cycles).as_micros(), cycles / 168, "{cycles}");
+        }
+    }
+
+    #[test]
+    fn nanos_are_the_floor_of_a_division() {
+        for cycles in samples() {
+            let exact = u128::from(cycles) * 125 / 21;
+            let expected = u64::try_from(exact).unwrap_or(u64::MAX);
+            assert_eq!(Cycles(cycles).as_nanos(), expected, "{cycles}");
+        }
+    }
+
+    #[test]
+    fn from_micros_and_nanos_are_never_early() {
+        for value in samples().map(|value| value >> 12) {
+            assert_eq!(Cycles::from_micros(value).as_micros(), value);
+            let cycles = Cycles::from_nanos(value);
+            assert!(cycles.as_nanos() >= value);
+            assert!(cycles.0 == 0 || Cycles(cycles.0 - 1).as_nanos() < value);
+        }
+        assert_eq!(Cycles::from_micros(u64::MAX), Cycles(u64::MAX));
+        assert_eq!(Cycles::from_nanos(u64::MAX).as_nanos(), u64::MAX);
+    }
+
+    #[test]
+    fn a_stamp_is_extended_across_the_wrap_of_its_word() {
+        let now = Cycles(0x2_0000_0005);
+        assert_eq!(
+            Cycles(0x1_ffff_fff0).stamp().extend(now),
+            Cycles(0x1_ffff_fff0)
+        );
+        assert_eq!(now.stamp().extend(now), now);
+        assert_eq!(Cycles(7).since(Cycles(9)), -2);
+    }
+}

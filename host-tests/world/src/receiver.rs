@@ -1,0 +1,419 @@
+//! A simulated u-blox M8: time marks with their latency, and obedience.
+//!
+//! *Purpose.* The far end of the GPS line in `sim`, in `qemu` and in tests: it is
+//! configured like a real one and says the time like a real one.
+//!
+//! *Design.* Epochs stand on the grid of UTC that its rate gives, each moved to
+//! the nearest 1 kHz tick of its own crystal and truthfully reported in `nano`.
+//! Each is drawn ahead with its latency, so that [`Talker::next_event`] is a look
+//! at a field. Answers to configuration wait in a queue; one line carries both.
+//!
+//! *Limits.* It understands CFG-PRT, CFG-MSG, CFG-RATE, CFG-NAV5 and CFG-TP5;
+//! any other CFG is refused with ACK-NAK, anything else is not answered. No leap
+//! second happens in this world.
+
+use std::collections::VecDeque;
+
+use crate::settings::{Port, ReceiverSettings};
+use crate::talker::{Sent, Talker, Transmission, WorldNanos};
+use crate::ubx::{self, Claims};
+
+/// From the last byte of a configuration frame to its answer, in ns: a receiver
+/// looks at its port between other things.
+const ANSWER_NS: u64 = 5_000_000;
+/// The largest configuration frame that is listened for, in bytes.
+const HEARD_MAX: usize = 256;
+/// The tick on which solutions are computed, in ns.
+const SOLUTION_TICK_NS: i64 = 1_000_000;
+/// The shortest navigation period that is accepted, in ms (M8: 18 Hz).
+const PERIOD_MIN_MS: u16 = 55;
+
+/// A solution that is on its way to the line.
+#[derive(Clone, Copy, Debug)]
+struct Solution {
+    /// The epoch on the grid of UTC, in ns since 1970.
+    wanted_utc_ns: i64,
+    /// The epoch that it was computed for, in ns since 1970.
+    epoch_utc_ns: i64,
+    /// When it may begin to leave.
+    ready: WorldNanos,
+}
+
+/// An answer that is on its way to the line.
+#[derive(Clone, Debug)]
+struct Answer {
+    ready: WorldNanos,
+    baud: u32,
+    bytes: Vec<u8>,
+}
+
+/// The simulated receiver.
+#[derive(Clone, Debug)]
+pub struct Receiver {
+    settings: ReceiverSettings,
+    port: Port,
+    rng: fastrand::Rng,
+    solution: Solution,
+    /// Epochs so far, for messages that leave at every n-th one.
+    epochs: u64,
+    answers: VecDeque<Answer>,
+    heard: Vec<u8>,
+    line_free: WorldNanos,
+    truth: Vec<Sent>,
+}
+
+impl Receiver {
+    /// A receiver that is powered at the world's start.
+    #[must_use]
+    pub fn new(settings: ReceiverSettings) -> Self {
+        let mut receiver = Self {
+            settings,
+            port: settings.port,
+            rng: fastrand::Rng::with_seed(settings.seed),
+            solution: Solution {
+                wanted_utc_ns: settings.utc_at_start_ns,
+                epoch_utc_ns: settings.utc_at_start_ns,
+                ready: WorldNanos(0),
+            },
+            epochs: 0,
+            answers: VecDeque::new(),
+            heard: Vec::new(),
+            line_free: WorldNanos(0),
+            truth: Vec::new(),
+        };
+        receiver.solve_after(settings.utc_at_start_ns);
+        receiver
+    }
+
+    /// How its port and rate stand now.
+    #[must_use]
+    pub const fn port(&self) -> Port {
+        self.port
+    }
+
+    /// True UTC at `at`, in ns since 1970.
+    #[must_use]
+    pub const fn utc_ns(&self, at: WorldNanos) -> i64 {
+        self.settings.utc_at_start_ns + at.0.cast_signed()
+    }
+
+    /// Draws the first solution whose epoch on the grid is after `utc_ns`.
+    fn solve_after(&mut self, utc_ns: i64) {
+        let period_ns = i64::from(self.port.period_ms.max(1)) * 1_000_000;
+        let wanted_utc_ns = (utc_ns.div_euclid(period_ns) + 1) * period_ns;
+        // The crystal's ticks drift through UTC; the one nearest to the wanted
+        // epoch lies up to half a tick to either side of it.
+        let since_start = i128::from(wanted_utc_ns - self.settings.utc_at_start_ns);
+        let drift_ns = since_start * i128::from(self.settings.crystal_ppb) / 1_000_000_000;
+        let half = i128::from(SOLUTION_TICK_NS / 2);
+        let off_ns = (drift_ns + half).rem_euclid(i128::from(SOLUTION_TICK_NS)) - half;
+        let epoch_utc_ns = wanted_utc_ns + off_ns as i64;
+        let epoch_ns = epoch_utc_ns - self.settings.utc_at_start_ns;
+        self.solution = Solution {
+            wanted_utc_ns,
+            epoch_utc_ns,
+            ready: WorldNanos(u64::try_from(epoch_ns).unwrap_or(0))
+                .plus(self.settings.latency.draw(&mut self.rng)),
+        };
+    }
+
+    /// What it claims at `at`: a cold start goes through the stages of a real
+    /// one (nothing; a time that it must not be believed, first without and then
+    /// with a fix) in three equal parts.
+    fn claims(&self, at: WorldNanos) -> Claims {
+        let (valid, t_acc_ns, fix_type) = if at.0 >= self.settings.cold_start_ns {
+            (0x37, 22, 3)
+        } else {
+            match at.0.saturating_mul(3) / self.settings.cold_start_ns {
+                0 => (0xf0, u32::MAX, 0),
+                1 => (0xf3, u32::MAX, 0),
+                _ => (0xf3, u32::MAX, 3),
+            }
+        };
+        Claims {
+            valid,
+            t_acc_ns,
+            fix_type,
+        }
+    }
+
+    /// The burst of the solution that is due, and the next one drawn.
+    fn say_solution(&mut self, start: WorldNanos) -> Option<Transmission> {
+        let Solution {
+            wanted_utc_ns,
+            epoch_utc_ns,
+            ..
+        } = self.solution;
+        self.epochs += 1;
+        let every = u64::from(self.port.nav_pvt_every);
+        let baud = self.port.baud;
+        let mut bytes = Vec::new();
+        // `checked_rem`, because 0 means never.
+        if self.epochs.checked_rem(every) == Some(0) {
+            let (class, id) = ubx::NAV_PVT;
+            let payload = ubx::nav_pvt_payload(epoch_utc_ns, self.claims(start));
+            bytes.extend(ubx::frame(class, id, &payload));
+            self.truth.push(Sent {
+                epoch_utc_ns,
+                first_byte: start,
+            });
+        }
+        if self.port.nmea {
+            bytes.extend(ubx::rmc(epoch_utc_ns));
+        }
+        self.solve_after(wanted_utc_ns);
+        (!bytes.is_empty()).then_some(Transmission { start, bytes, baud })
+    }
+
+    /// Obeys or refuses one frame.
+    fn obey(&mut self, now: WorldNanos, class: u8, id: u8, payload: &[u8]) {
+        if class != 0x06 || payload.is_empty() {
+            return;
+        }
+        let old_baud = self.port.baud;
+        let accepted = match (id, payload) {
+            (0x00, payload) => self.set_port(payload),
+            (0x01, &[class, id, every]) | (0x01, &[class, id, _, every, _, _, _, _]) => {
+                if (class, id) == ubx::NAV_PVT {
+                    self.port.nav_pvt_every = every;
+                }
+                true
+            }
+            (0x08, &[low, high, _, _, _, _]) => {
+                let period_ms = u16::from_le_bytes([low, high]);
+                let accepted = period_ms >= PERIOD_MIN_MS;
+                if accepted {
+                    self.port.period_ms = period_ms;
+                    let utc_ns = self.utc_ns(now);
+                    // One that is on its way already still comes.
+                    if self.solution.epoch_utc_ns > utc_ns {
+                        self.solve_after(utc_ns);
+                    }
+                }
+                accepted
+            }
+            (0x24, payload) => payload.len() == 36,
+            (0x31, payload) => payload.len() == 32,
+            _ => false,
+        };
+        // At which speed a change of speed is acknowledged is not defined.
+        let baud = if self.rng.bool() {
+            old_baud
+        } else {
+            self.port.baud
+        };
+        self.answers.push_back(Answer {
+            ready: now.plus(ANSWER_NS),
+            baud,
+            bytes: ubx::frame(0x05, u8::from(accepted), &[class, id]),
+        });
+    }
+
+    /// CFG-PRT: the speed and which protocols leave. UART1 only.
+    fn set_port(&mut self, payload: &[u8]) -> bool {
+        let &[1, _, _, _, _, _, _, _, b0, b1, b2, b3, _, _, out, _, ..] = payload else {
+            return false;
+        };
+        let baud = u32::from_le_bytes([b0, b1, b2, b3]);
+        let accepted = payload.len() == 20 && (4_800..=921_600).contains(&baud);
+        if accepted {
+            self.port.baud = baud;
+            self.port.nmea = out & 0x02 != 0;
+        }
+        accepted
+    }
+}
+
+impl Talker for Receiver {
+    fn next_event(&self) -> Option<WorldNanos> {
+        let answer = self.answers.front().map(|answer| answer.ready);
+        let first = answer.map_or(self.solution.ready, |ready| ready.min(self.solution.ready));
+        Some(first.max(self.line_free))
+    }
+
+    fn poll(&mut self, now: WorldNanos) -> Option<Transmission> {
+        let start = self.next_event()?;
+        if start > now {
+            return None;
+        }
+        let answer = self
+            .answers
+            .pop_front_if(|answer| answer.ready <= self.solution.ready);
+        let transmission = match answer {
+            Some(Answer { baud, bytes, .. }) => Some(Transmission { start, bytes, baud }),
+            None => self.say_solution(start),
+        }?;
+        self.line_free = transmission.end();
+        Some(transmission)
+    }
+
+    fn hear(&mut self, now: WorldNanos, baud: u32, bytes: &[u8]) {
+        if baud != self.port.baud {
+            self.heard.clear();
+            return;
+        }
+        self.heard.extend(bytes);
+        let heard = core::mem::take(&mut self.heard);
+        let mut done = heard.len().saturating_sub(HEARD_MAX);
+        for frame in ubx::find_frames(&heard, |_, _, _| true) {
+            self.obey(now, frame.class, frame.id, frame.payload);
+            done = done.max(frame.end());
+        }
+        self.heard = heard[done..].to_vec();
+    }
+
+    fn truth(&self) -> &[Sent] {
+        &self.truth
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Latency;
+
+    const NOON_NS: i64 = 1_795_348_800_000_000_000;
+    const SECOND: u64 = 1_000_000_000;
+    const PORT_115200_UBX: [u8; 20] = [
+        1, 0, 0, 0, 0xd0, 8, 0, 0, 0, 0xc2, 1, 0, 1, 0, 1, 0, 0, 0, 0, 0,
+    ];
+
+    fn configured(latency: Latency) -> ReceiverSettings {
+        let mut settings = ReceiverSettings::new(NOON_NS);
+        settings.port = Port::CONFIGURED;
+        settings.latency = latency;
+        settings
+    }
+
+    /// Everything that leaves before `end`.
+    fn run(receiver: &mut Receiver, end: WorldNanos) -> Vec<Transmission> {
+        let mut sent = Vec::new();
+        while let Some(at) = receiver.next_event()
+            && at < end
+        {
+            sent.extend(receiver.poll(at));
+        }
+        sent
+    }
+
+    fn payload(sent: &Transmission) -> [u8; ubx::NAV_PVT_LEN] {
+        *sent.bytes[6..].first_chunk().unwrap()
+    }
+
+    #[test]
+    fn five_a_second_with_the_latency_that_was_asked_for() {
+        let mut receiver = Receiver::new(configured(Latency::Constant { ns: 70_000_000 }));
+        let sent = run(&mut receiver, WorldNanos(2_000 * SECOND));
+        assert_eq!(sent.len(), 9_999);
+        let mut off_grid_ns = Vec::new();
+        for (sent, truth) in sent.iter().zip(receiver.truth()) {
+            assert_eq!(
+                ubx::nav_pvt_epoch_utc_ns(&payload(sent)),
+                truth.epoch_utc_ns
+            );
+            assert_eq!(sent.start, truth.first_byte);
+            assert_eq!(receiver.utc_ns(sent.start) - truth.epoch_utc_ns, 70_000_000);
+            off_grid_ns
+                .push((truth.epoch_utc_ns + 100_000_000).rem_euclid(200_000_000) - 100_000_000);
+        }
+        // 600 · 10⁻⁹ for 2000 s is 1.2 teeth of ±0.5 ms, in steps of 120 ns.
+        let (least, most) = (off_grid_ns.iter().min(), off_grid_ns.iter().max());
+        assert_eq!(most.copied(), Some(499_920));
+        assert_eq!(least.copied(), Some(-499_960));
+    }
+
+    #[test]
+    fn a_half_bell_stands_on_its_floor() {
+        let mut receiver = Receiver::new(configured(Latency::HalfNormal {
+            floor_ns: 60_000_000,
+            sigma_ns: 5_000_000,
+        }));
+        run(&mut receiver, WorldNanos(2_000 * SECOND));
+        let late: Vec<i64> = receiver
+            .truth()
+            .iter()
+            .map(|sent| receiver.utc_ns(sent.first_byte) - sent.epoch_utc_ns - 60_000_000)
+            .collect();
+        assert!(late.iter().all(|ns| *ns >= 0));
+        // The mean of half a bell curve is σ · √(2/π) = 3.989 ms; its own standard
+        // deviation over 10 000 draws is 0.030 ms.
+        let mean_ns = late.iter().sum::<i64>() / late.len() as i64;
+        assert!((mean_ns - 3_989_000).abs() < 150_000, "{mean_ns}");
+    }
+
+    #[test]
+    fn obeys_at_its_own_speed_only() {
+        let mut receiver = Receiver::new(ReceiverSettings::new(NOON_NS));
+        let port = ubx::frame(6, 0, &PORT_115200_UBX);
+        receiver.hear(WorldNanos(0), 115_200, &port);
+        assert_eq!(receiver.port(), Port::FACTORY);
+        // In two pieces, behind noise.
+        receiver.hear(WorldNanos(0), 9_600, b"\xb5\x62\x06");
+        receiver.hear(WorldNanos(0), 9_600, &port[..9]);
+        receiver.hear(WorldNanos(0), 9_600, &port[9..]);
+        assert_eq!(
+            (receiver.port().baud, receiver.port().nmea),
+            (115_200, false)
+        );
+
+        let now = WorldNanos(100_000_000);
+        receiver.hear(now, 115_200, &ubx::frame(6, 8, &[0xc8, 0, 1, 0, 0, 0]));
+        receiver.hear(now, 115_200, &ubx::frame(6, 1, &[1, 7, 1]));
+        receiver.hear(now, 115_200, &ubx::frame(6, 0x3e, &[0]));
+        assert_eq!(receiver.port(), Port::CONFIGURED);
+        let sent = run(&mut receiver, WorldNanos(SECOND));
+        let answers: Vec<&[u8]> = sent.iter().take(4).map(|sent| &sent.bytes[..]).collect();
+        assert_eq!(
+            answers,
+            [
+                ubx::frame(5, 1, &[6, 0]),
+                ubx::frame(5, 1, &[6, 8]),
+                ubx::frame(5, 1, &[6, 1]),
+                ubx::frame(5, 0, &[6, 0x3e]),
+            ]
+        );
+        // From the epoch at 0.2 s on, four are through their latency.
+        assert_eq!(sent.len(), 8);
+        assert!(sent.is_sorted_by(|one, next| one.end() <= next.start));
+    }
+
+    #[test]
+    fn out_of_its_box_it_speaks_nmea() {
+        let mut receiver = Receiver::new(ReceiverSettings::new(NOON_NS));
+        let sent = run(&mut receiver, WorldNanos(10 * SECOND));
+        assert_eq!(sent.len(), 9);
+        assert!(
+            sent.iter()
+                .all(|sent| sent.bytes.starts_with(b"$GNRMC") && sent.baud == 9_600)
+        );
+        assert!(receiver.truth().is_empty());
+    }
+
+    #[test]
+    fn a_cold_start_claims_no_good_time_before_its_end() {
+        let mut settings = configured(Latency::Constant { ns: 0 });
+        settings.cold_start_ns = 30 * SECOND;
+        let mut receiver = Receiver::new(settings);
+        for sent in run(&mut receiver, WorldNanos(60 * SECOND)) {
+            let payload = payload(&sent);
+            let good = payload[11] & 7 == 7 && payload[12..16] != [0xff; 4];
+            assert_eq!(good, sent.start >= WorldNanos(30 * SECOND));
+        }
+    }
+
+    #[test]
+    fn the_same_seed_says_the_same() {
+        let settings = ReceiverSettings {
+            port: Port::CONFIGURED,
+            ..ReceiverSettings::new(NOON_NS)
+        };
+        let say = |seed| {
+            run(
+                &mut Receiver::new(ReceiverSettings { seed, ..settings }),
+                WorldNanos(9 * SECOND),
+            )
+        };
+        assert_eq!(say(1), say(1));
+        assert_ne!(say(1), say(2));
+    }
+}

@@ -115,8 +115,10 @@ pub struct StampedByte {
     pub byte: u8,
 }
 
-/// The upper 64 bits of a 128-bit product, in four 32 × 32 multiplications.
-const fn multiply_high(a: u64, b: u64) -> u64 {
+/// The upper 64 bits of a 128-bit product, in four 32 × 32 multiplications: what
+/// a division by a constant becomes.
+#[must_use]
+pub const fn multiply_high(a: u64, b: u64) -> u64 {
     let (a_low, a_high) = (a & 0xffff_ffff, a >> 32);
     let (b_low, b_high) = (b & 0xffff_ffff, b >> 32);
     let low = a_low * b_low;

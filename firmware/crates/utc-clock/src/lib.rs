@@ -1,1 +1,46 @@
+//! UTC: the calendar, the gate, and the clock of base time plus elapsed cycles.
+//!
+//! *Purpose.* Marks of a receiver go in, a clock that every priority can read
+//! comes out.
+//!
+//! *Design.* [`calendar`] turns the receiver's fields into [`UtcNanos`].
+//! [`gate`] decides whether a mark may be believed, [`discipline`] what it says
+//! about the clock's error, [`clock`] how the clock follows: it owns the time
+//! line, a chain of [`model`]s, each an affine map from cycles to UTC.
+//! [`published`] shares that line with readers of any priority, without a lock.
+//! [`counters`] has the kinds of refusal and how often each occurred.
+//!
+//! ```text
+//! TimeMark ─▶ gate ─▶ discipline ─▶ clock ─▶ ClockModel ─▶ Published ─▶ readers
+//! ```
+//!
+//! *Limits.* No I/O and no clock of its own: time is an argument. The firmware
+//! calls [`UtcClock::handle_timeout`] when [`UtcClock::poll_timeout`] says, and
+//! publishes what [`UtcClock::poll_model`] yields.
 #![no_std]
+#![forbid(unsafe_code)]
+#![deny(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing
+)]
+
+#[cfg(test)]
+extern crate std;
+
+pub mod calendar;
+pub mod clock;
+pub mod counters;
+pub mod discipline;
+pub mod gate;
+pub mod model;
+pub mod published;
+pub mod utc;
+
+pub use calendar::CalendarError;
+pub use clock::{Outcome, Settings, UtcClock};
+pub use counters::{Counters, Refusal};
+pub use model::{ClockModel, ClockState, Reading};
+pub use published::Published;
+pub use utc::{Ppb, UtcNanos};

@@ -1,0 +1,223 @@
+//! The calendar: a receiver's fields to UTC and back, 1980 to 2100.
+//!
+//! *Purpose.* [`to_utc`] is called for every mark, [`from_utc`] for people.
+//!
+//! *Design.* Years are counted from March, so that the leap day is the last of
+//! its year and the months are a straight line with a remainder; the origin is
+//! 1968-03-01, the start of a leap cycle. In this range 2100 alone breaks the
+//! rule of four years. All of it is 32-bit arithmetic without a division by
+//! anything but constants: seconds since 1970 fit `u32` until 2106.
+//!
+//! A leap second, 23:59:60, is told as the instant that POSIX gives it: the same
+//! number as the 00:00:00 that follows. A clock that runs on through a leap
+//! second therefore agrees with every mark inside of it, and is one second ahead
+//! afterwards; the step back is then due in the open, over several marks.
+//! What a leap second may do to the clock is the [`gate`](crate::gate)'s business.
+//!
+//! *Limits.* Which months had a leap second is not known here: 23:59:60 is
+//! accepted on any day, at any other time of day it is refused.
+
+use timebase::CivilTime;
+
+use crate::UtcNanos;
+
+/// The years that the calendar knows; 1980 is where GPS begins.
+pub const YEARS: core::ops::RangeInclusive<u16> = 1980..=2100;
+
+/// 2100-03-01 in days since 1968-03-01: the leap day before it did not happen.
+const AFTER_MISSING_LEAP_DAY: u32 = 48_212;
+/// 1970-01-01 in days since 1968-03-01.
+const UNIX_EPOCH: u32 = 671;
+const DAY_S: u32 = 86_400;
+
+/// Why calendar fields name no instant: the offending field.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CalendarError {
+    /// Not one of [`YEARS`].
+    Year(u16),
+    /// Not 1 to 12.
+    Month(u8),
+    /// Not a day of that month.
+    Day(u8),
+    /// Not 0 to 23.
+    Hour(u8),
+    /// Not 0 to 59.
+    Minute(u8),
+    /// Not 0 to 59, nor 60 at 23:59.
+    Second(u8),
+    /// A second or more, in either direction.
+    Nano(i32),
+}
+
+/// The instant that calendar fields and their signed `nano` name.
+///
+/// # Errors
+/// The first field that is out of its range.
+#[inline]
+pub const fn to_utc(civil: &CivilTime) -> Result<UtcNanos, CalendarError> {
+    let CivilTime {
+        year,
+        month,
+        day,
+        hour,
+        minute,
+        second,
+        nano,
+    } = *civil;
+    if year < *YEARS.start() || year > *YEARS.end() {
+        return Err(CalendarError::Year(year));
+    }
+    if month < 1 || month > 12 {
+        return Err(CalendarError::Month(month));
+    }
+    if day < 1 || day > days_in_month(year, month) {
+        return Err(CalendarError::Day(day));
+    }
+    if hour > 23 {
+        return Err(CalendarError::Hour(hour));
+    }
+    if minute > 59 {
+        return Err(CalendarError::Minute(minute));
+    }
+    let leap_second = second == 60 && hour == 23 && minute == 59;
+    if second > 59 && !leap_second {
+        return Err(CalendarError::Second(second));
+    }
+    if nano <= -1_000_000_000 || nano >= 1_000_000_000 {
+        return Err(CalendarError::Nano(nano));
+    }
+
+    let before_march = month < 3;
+    let years = year as u32 - 1968 - before_march as u32;
+    let months = if before_march {
+        month as u32 + 9
+    } else {
+        month as u32 - 3
+    };
+    let day_of_year = (153 * months + 2) / 5 + day as u32 - 1;
+    let mut days = 1461 * years / 4 + day_of_year;
+    if years == 2100 - 1968 {
+        days -= 1;
+    }
+    let seconds =
+        (days - UNIX_EPOCH) * DAY_S + hour as u32 * 3_600 + minute as u32 * 60 + second as u32;
+    Ok(UtcNanos(seconds as i64 * 1_000_000_000 + nano as i64))
+}
+
+/// The calendar fields of an instant, `nano` from 0 to 999 999 999; `None`
+/// outside of [`YEARS`]. It divides: for people, not for marks.
+#[must_use]
+pub const fn from_utc(utc: UtcNanos) -> Option<CivilTime> {
+    let seconds = utc.0.div_euclid(1_000_000_000);
+    let nano = utc.0.rem_euclid(1_000_000_000) as i32;
+    if seconds < 0 || seconds > u32::MAX as i64 {
+        return None;
+    }
+    let seconds = seconds as u32;
+
+    let mut days = seconds / DAY_S + UNIX_EPOCH;
+    if days >= AFTER_MISSING_LEAP_DAY {
+        days += 1;
+    }
+    let years = (4 * days + 3) / 1461;
+    let day_of_year = days - 1461 * years / 4;
+    let months = (5 * day_of_year + 2) / 153;
+    let before_march = months >= 10;
+    let year = (1968 + years + before_march as u32) as u16;
+    if year < *YEARS.start() || year > *YEARS.end() {
+        return None;
+    }
+    let second_of_day = seconds % DAY_S;
+    Some(CivilTime {
+        year,
+        month: if before_march { months - 9 } else { months + 3 } as u8,
+        day: (day_of_year - (153 * months + 2) / 5 + 1) as u8,
+        hour: (second_of_day / 3_600) as u8,
+        minute: (second_of_day / 60 % 60) as u8,
+        second: (second_of_day % 60) as u8,
+        nano,
+    })
+}
+
+/// Days of a month from 1 to 12 in one of [`YEARS`].
+const fn days_in_month(year: u16, month: u8) -> u8 {
+    if month == 2 {
+        28 + (year.is_multiple_of(4) && year != 2100) as u8
+    } else {
+        30 + ((month + (month >> 3)) & 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const fn civil(date: (u16, u8, u8), time: (u8, u8, u8), nano: i32) -> CivilTime {
+        CivilTime {
+            year: date.0,
+            month: date.1,
+            day: date.2,
+            hour: time.0,
+            minute: time.1,
+            second: time.2,
+            nano,
+        }
+    }
+
+    #[test]
+    fn a_negative_nano_reaches_into_the_year_before() {
+        // As u-blox tells it: the fields were rounded up to the new year.
+        let told = civil((2026, 1, 1), (0, 0, 0), -4_999_999);
+        let utc = to_utc(&told).unwrap();
+        let meant = civil((2025, 12, 31), (23, 59, 59), 995_000_001);
+        assert_eq!(utc, to_utc(&meant).unwrap());
+        assert_eq!(from_utc(utc), Some(meant));
+    }
+
+    #[test]
+    fn a_leap_second_is_the_second_that_follows() {
+        let leap = to_utc(&civil((2016, 12, 31), (23, 59, 60), 250_000_000));
+        let next = to_utc(&civil((2017, 1, 1), (0, 0, 0), 250_000_000));
+        assert_eq!(leap, next);
+        assert!(leap.is_ok());
+    }
+
+    #[test]
+    fn each_field_is_refused_by_name() {
+        use CalendarError as E;
+        let noon = (12, 0, 0);
+        let cases = [
+            (civil((1979, 12, 31), noon, 0), E::Year(1979)),
+            (civil((2101, 1, 1), noon, 0), E::Year(2101)),
+            (civil((2026, 0, 1), noon, 0), E::Month(0)),
+            (civil((2026, 13, 1), noon, 0), E::Month(13)),
+            (civil((2026, 2, 30), noon, 0), E::Day(30)),
+            (civil((2027, 2, 29), noon, 0), E::Day(29)),
+            (civil((2100, 2, 29), noon, 0), E::Day(29)),
+            (civil((2026, 4, 31), noon, 0), E::Day(31)),
+            (civil((2026, 4, 0), noon, 0), E::Day(0)),
+            (civil((2026, 4, 1), (24, 0, 0), 0), E::Hour(24)),
+            (civil((2026, 4, 1), (0, 60, 0), 0), E::Minute(60)),
+            (civil((2026, 4, 1), (0, 0, 60), 0), E::Second(60)),
+            (civil((2026, 4, 1), (23, 59, 61), 0), E::Second(61)),
+            (
+                civil((2026, 4, 1), noon, 1_000_000_000),
+                E::Nano(1_000_000_000),
+            ),
+            (civil((2026, 4, 1), noon, i32::MIN), E::Nano(i32::MIN)),
+        ];
+        for (fields, error) in cases {
+            assert_eq!(to_utc(&fields), Err(error), "{fields:?}");
+        }
+    }
+
+    #[test]
+    fn instants_outside_the_range_have_no_fields() {
+        let first = to_utc(&civil((1980, 1, 1), (0, 0, 0), 0)).unwrap();
+        let last = to_utc(&civil((2100, 12, 31), (23, 59, 59), 999_999_999)).unwrap();
+        assert!(from_utc(first).is_some() && from_utc(last).is_some());
+        for outside in [first.0 - 1, last.0 + 1, 0, -1, i64::MIN, i64::MAX] {
+            assert_eq!(from_utc(UtcNanos(outside)), None);
+        }
+    }
+}

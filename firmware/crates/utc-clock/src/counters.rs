@@ -1,0 +1,124 @@
+//! What became of the marks, counted by kind.
+//!
+//! *Purpose.* [`Refusal`] names why a mark did not move the clock; [`Counters`]
+//! says how often, for the status line and the log.
+//!
+//! *Design.* One field a kind, `u32`, wrapping: a reader compares two readings.
+//!
+//! *Limits.* A mark that several rules would refuse counts for the first one.
+
+use crate::CalendarError;
+
+/// Why a mark was not followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// `validDate` is not set.
+    Date,
+    /// `validTime` is not set.
+    Time,
+    /// `fullyResolved` is not set.
+    Unresolved,
+    /// `confirmedTime` is not set, and the settings demand it.
+    Unconfirmed,
+    /// The receiver's own accuracy is worse than the gate allows, or unknown.
+    Inaccurate,
+    /// The fields name no instant.
+    Calendar(CalendarError),
+    /// The epoch is older than the project.
+    TooOld,
+    /// The epoch lies in a leap second, which has no number of its own.
+    LeapSecond,
+    /// The arrival is in the future or too long ago to be believed.
+    Stamp,
+    /// The epoch of the mark before, once more.
+    DuplicateEpoch,
+    /// An epoch earlier than that of the mark before.
+    EpochBack,
+    /// Too far from the clock, and not (yet) agreed on by its successors.
+    Outlier,
+}
+
+/// Events of the clock since boot; each field wraps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Marks that the clock followed, those that set or stepped it included.
+    pub accepted: u32,
+    /// Times that the clock was set from unset.
+    pub sets: u32,
+    /// Steps forward of a clock that was set.
+    pub steps_forward: u32,
+    /// Steps back of a clock that was set.
+    pub steps_back: u32,
+    /// Times that the clock went into holdover.
+    pub holdovers: u32,
+    /// [`Refusal::Date`].
+    pub date: u32,
+    /// [`Refusal::Time`].
+    pub time: u32,
+    /// [`Refusal::Unresolved`].
+    pub unresolved: u32,
+    /// [`Refusal::Unconfirmed`].
+    pub unconfirmed: u32,
+    /// [`Refusal::Inaccurate`].
+    pub inaccurate: u32,
+    /// [`Refusal::Calendar`].
+    pub calendar: u32,
+    /// [`Refusal::TooOld`].
+    pub too_old: u32,
+    /// [`Refusal::LeapSecond`].
+    pub leap_second: u32,
+    /// [`Refusal::Stamp`].
+    pub stamp: u32,
+    /// [`Refusal::DuplicateEpoch`].
+    pub duplicate_epoch: u32,
+    /// [`Refusal::EpochBack`].
+    pub epoch_back: u32,
+    /// [`Refusal::Outlier`].
+    pub outlier: u32,
+}
+
+impl Counters {
+    /// Marks that were refused, for any reason.
+    #[must_use]
+    pub fn refused(&self) -> u32 {
+        [
+            self.date,
+            self.time,
+            self.unresolved,
+            self.unconfirmed,
+            self.inaccurate,
+            self.calendar,
+            self.too_old,
+            self.leap_second,
+            self.stamp,
+            self.duplicate_epoch,
+            self.epoch_back,
+            self.outlier,
+        ]
+        .into_iter()
+        .fold(0, u32::wrapping_add)
+    }
+
+    pub(crate) fn count_refusal(&mut self, refusal: Refusal) {
+        let field = match refusal {
+            Refusal::Date => &mut self.date,
+            Refusal::Time => &mut self.time,
+            Refusal::Unresolved => &mut self.unresolved,
+            Refusal::Unconfirmed => &mut self.unconfirmed,
+            Refusal::Inaccurate => &mut self.inaccurate,
+            Refusal::Calendar(_) => &mut self.calendar,
+            Refusal::TooOld => &mut self.too_old,
+            Refusal::LeapSecond => &mut self.leap_second,
+            Refusal::Stamp => &mut self.stamp,
+            Refusal::DuplicateEpoch => &mut self.duplicate_epoch,
+            Refusal::EpochBack => &mut self.epoch_back,
+            Refusal::Outlier => &mut self.outlier,
+        };
+        bump(field);
+    }
+}
+
+/// One event more.
+pub(crate) const fn bump(counter: &mut u32) {
+    *counter = counter.wrapping_add(1);
+}

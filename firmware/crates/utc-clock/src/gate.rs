@@ -1,0 +1,158 @@
+//! The gate: whether a mark may be believed at all.
+//!
+//! *Purpose.* Between "the receiver said so" and "the clock may hear it".
+//!
+//! *Design.* In a recorded cold start of an M8 `validDate` and `validTime` were
+//! both set for 36 s while tAcc was `0xFFFF_FFFF`, for 20 epochs of them with a
+//! 3D fix. So all three claims are demanded, and an accuracy, too. The earliest
+//! date is a constant: a build date would make old recordings unplayable and
+//! new firmware refuse an old clock.
+//!
+//! A mark inside a leap second is refused: its instant is shared with the second
+//! after it, so a clock set from it would be a second wrong when it is over.
+//!
+//! *Limits.* One mark at a time, without memory: what contradicts the clock or
+//! the mark before is judged elsewhere.
+
+use timebase::TimeMark;
+
+use crate::{Refusal, UtcNanos, calendar};
+
+/// The worst tAcc that is let in, in ns. Good marks of real receivers have
+/// 16 ns to 4.4 µs; a receiver that is still resolving its time has ms or none.
+pub const MAX_T_ACC_NS: u32 = 100_000;
+
+/// 2016-01-01: no earlier epoch is believed.
+pub const EARLIEST: UtcNanos = UtcNanos(1_451_606_400_000_000_000);
+
+/// Judges marks by what they say of themselves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Gate {
+    /// Demand `confirmedTime` as well. Off by default: timing receivers never
+    /// set it.
+    pub require_confirmed: bool,
+}
+
+impl Gate {
+    /// The epoch of a mark that may be believed.
+    ///
+    /// # Errors
+    /// The first rule that the mark breaks.
+    #[inline]
+    pub fn judge(&self, mark: &TimeMark) -> Result<UtcNanos, Refusal> {
+        let claims = mark.validity;
+        if !claims.date {
+            return Err(Refusal::Date);
+        }
+        if !claims.time {
+            return Err(Refusal::Time);
+        }
+        if !claims.fully_resolved {
+            return Err(Refusal::Unresolved);
+        }
+        if self.require_confirmed && !claims.confirmed {
+            return Err(Refusal::Unconfirmed);
+        }
+        if mark.t_acc_ns > MAX_T_ACC_NS {
+            return Err(Refusal::Inaccurate);
+        }
+        let epoch = calendar::to_utc(&mark.epoch).map_err(Refusal::Calendar)?;
+        if epoch < EARLIEST {
+            return Err(Refusal::TooOld);
+        }
+        if mark.epoch.second == 60 {
+            return Err(Refusal::LeapSecond);
+        }
+        Ok(epoch)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use timebase::{CivilTime, Cycles, Validity};
+
+    use super::*;
+    use crate::CalendarError;
+
+    fn good() -> TimeMark {
+        TimeMark {
+            arrival: Cycles(0),
+            epoch: CivilTime {
+                year: 2016,
+                month: 1,
+                day: 1,
+                hour: 0,
+                minute: 0,
+                second: 0,
+                nano: 0,
+            },
+            t_acc_ns: MAX_T_ACC_NS,
+            validity: Validity {
+                date: true,
+                time: true,
+                fully_resolved: true,
+                confirmed: false,
+                leap_seconds_known: false,
+            },
+        }
+    }
+
+    fn refusal(change: impl FnOnce(&mut TimeMark)) -> Option<Refusal> {
+        let mut mark = good();
+        change(&mut mark);
+        Gate::default().judge(&mark).err()
+    }
+
+    #[test]
+    fn the_worst_mark_that_is_good_enough_passes() {
+        assert_eq!(Gate::default().judge(&good()), Ok(EARLIEST));
+    }
+
+    #[test]
+    fn each_rule_refuses_by_its_own_name() {
+        assert_eq!(refusal(|m| m.validity.date = false), Some(Refusal::Date));
+        assert_eq!(refusal(|m| m.validity.time = false), Some(Refusal::Time));
+        assert_eq!(
+            refusal(|m| m.validity.fully_resolved = false),
+            Some(Refusal::Unresolved)
+        );
+        assert_eq!(
+            refusal(|m| m.t_acc_ns = MAX_T_ACC_NS + 1),
+            Some(Refusal::Inaccurate)
+        );
+        assert_eq!(
+            refusal(|m| m.t_acc_ns = u32::MAX),
+            Some(Refusal::Inaccurate)
+        );
+        assert_eq!(
+            refusal(|m| m.epoch.month = 13),
+            Some(Refusal::Calendar(CalendarError::Month(13)))
+        );
+        assert_eq!(refusal(|m| m.epoch.nano = -1), Some(Refusal::TooOld));
+        assert_eq!(
+            refusal(|m| {
+                m.epoch = CivilTime {
+                    year: 2016,
+                    month: 12,
+                    day: 31,
+                    hour: 23,
+                    minute: 59,
+                    second: 60,
+                    nano: 0,
+                };
+            }),
+            Some(Refusal::LeapSecond)
+        );
+    }
+
+    #[test]
+    fn confirmation_is_demanded_only_on_request() {
+        let strict = Gate {
+            require_confirmed: true,
+        };
+        assert_eq!(strict.judge(&good()), Err(Refusal::Unconfirmed));
+        let mut confirmed = good();
+        confirmed.validity.confirmed = true;
+        assert!(strict.judge(&confirmed).is_ok());
+    }
+}

@@ -103,14 +103,7 @@ pub fn start<C: Counters>(counters: &C) {
 /// Cycles since boot.
 #[inline(always)]
 pub fn now<C: Counters>(counters: &C) -> Cycles {
-    let (low, high, since) = counters.masked(|| {
-        (
-            counters.load(Word::AnchorLow),
-            counters.load(Word::AnchorHigh),
-            Since::read(counters),
-        )
-    });
-    let anchor = u64::from(high) << 32 | u64::from(low);
+    let (anchor, since) = counters.masked(|| (load_anchor(counters), Since::read(counters)));
     Cycles(anchor.wrapping_add(u64::from(since.elapsed::<C>())))
 }
 
@@ -121,51 +114,60 @@ pub fn stamp<C: Counters>(counters: &C) -> Stamp {
     Stamp(low.wrapping_add(since.elapsed::<C>()))
 }
 
-/// The tick interrupt: moves the anchor to the wrap that it was raised for, or
-/// past all that went by while interrupts were masked. Returns the anchor's time.
+/// The tick interrupt in the plain case: one period has passed, and most of the
+/// next has not. Moves the anchor to the wrap and returns its time.
 ///
-/// The witness alone tells the plain case: one period has passed, and less than
-/// three quarters of the next. A witness that lags costs a repair that finds one
-/// wrap; it is never wrong.
+/// `None` when the witness alone cannot tell: nothing was done, and [`repair`] has
+/// to look closer. A witness that lags costs such a look; it is never wrong.
 #[inline(always)]
-pub fn on_tick<C: Counters>(counters: &C) -> Stamp {
-    let period = C::PERIOD / C::RATIO;
-    let anchor = counters.load(Word::AnchorWitness);
-    let since = counters.read_witness().wrapping_sub(anchor);
-    if since.wrapping_sub(period) < period / 4 * 3 {
-        advance(counters, anchor, 1)
-    } else {
-        repair(counters)
-    }
+pub fn on_tick<C: Counters>(counters: &C) -> Option<Stamp> {
+    let one_period = counters
+        .load(Word::AnchorWitness)
+        .wrapping_add(C::PERIOD / C::RATIO);
+    let late = counters.read_witness().wrapping_sub(one_period);
+    (late < plainly_late::<C>()).then(|| {
+        let anchor = load_anchor(counters).wrapping_add(u64::from(C::PERIOD));
+        store_anchor(counters, anchor, one_period);
+        Stamp(anchor as u32)
+    })
 }
 
-/// A tick that came late, after others were lost, or for a wrap that an earlier
-/// repair has counted already.
-#[cold]
-#[inline(never)]
-fn repair<C: Counters>(counters: &C) -> Stamp {
+/// How late a tick may be, in counts of the witness, to be called plain: a power of
+/// two, which is cheap to compare with, that leaves at least a 64th of a period for
+/// what the witness may be off.
+const fn plainly_late<C: Counters>() -> u32 {
+    let period = C::PERIOD / C::RATIO;
+    1 << (period - period.div_ceil(64)).ilog2()
+}
+
+/// The tick interrupt in every other case: it came late, after others were lost, or
+/// for a wrap that an earlier repair has counted already. Moves the anchor past all
+/// that went by and returns its time.
+#[inline]
+pub fn repair<C: Counters>(counters: &C) -> Stamp {
     let since = Since::read(counters);
     let wraps = since.elapsed::<C>() / C::PERIOD;
     let lost = counters.load(Word::LostTicks);
     // Wraps without an interrupt; a repair that ran ahead of a pending one is
     // made good when that comes and finds nothing to count.
     counters.store(Word::LostTicks, lost.wrapping_add(wraps).wrapping_sub(1));
-    advance(counters, since.anchor_witness, wraps)
+    let anchor = load_anchor(counters).wrapping_add(u64::from(wraps * C::PERIOD));
+    let witness = wraps * (C::PERIOD / C::RATIO);
+    store_anchor(counters, anchor, since.anchor_witness.wrapping_add(witness));
+    Stamp(anchor as u32)
 }
 
-/// Moves the anchor on by `wraps` periods.
 #[inline(always)]
-fn advance<C: Counters>(counters: &C, anchor_witness: u32, wraps: u32) -> Stamp {
+fn load_anchor<C: Counters>(counters: &C) -> u64 {
     let low = counters.load(Word::AnchorLow);
-    let (low, carry) = low.overflowing_add(wraps.wrapping_mul(C::PERIOD));
-    let high = counters.load(Word::AnchorHigh);
-    counters.store(Word::AnchorLow, low);
-    counters.store(Word::AnchorHigh, high.wrapping_add(u32::from(carry)));
-    counters.store(
-        Word::AnchorWitness,
-        anchor_witness.wrapping_add(wraps.wrapping_mul(C::PERIOD / C::RATIO)),
-    );
-    Stamp(low)
+    u64::from(counters.load(Word::AnchorHigh)) << 32 | u64::from(low)
+}
+
+#[inline(always)]
+fn store_anchor<C: Counters>(counters: &C, anchor: u64, witness: u32) {
+    counters.store(Word::AnchorLow, anchor as u32);
+    counters.store(Word::AnchorHigh, (anchor >> 32) as u32);
+    counters.store(Word::AnchorWitness, witness);
 }
 
 /// What a masked section has to read before anything is computed.

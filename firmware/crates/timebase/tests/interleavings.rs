@@ -175,7 +175,9 @@ impl Machine {
             self.pending.set(false);
             self.interrupts_taken.set(self.interrupts_taken.get() + 1);
             self.at_level(2, || {
-                tick::on_tick(self);
+                if tick::on_tick(self).is_none() {
+                    tick::repair(self);
+                }
             });
         }
     }

@@ -1,0 +1,100 @@
+//! Build settings, and the linker's part.
+//!
+//! Settings come from the environment, so that one command builds one variant:
+//! `PIXCLOCK_TICK_US=200 cargo build -p firmware …`. What is not allowed is refused here
+//! with the list of what is.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use std::{env, fs};
+
+/// Tick intervals in µs: those of Shim, Joo, Kim 2021, table 3. The first is the
+/// default.
+const TICKS_US: [&str; 4] = ["50", "200", "500", "1000"];
+/// How a PING is answered: with the board's time, or as the MAVLink guide's echo.
+const PINGS: [&str; 2] = ["rtos", "echo"];
+
+fn main() {
+    let mut settings = String::new();
+    let tick_us = choice("PIXCLOCK_TICK_US", &TICKS_US);
+    constant(
+        &mut settings,
+        "From one tick to the next, in µs (`PIXCLOCK_TICK_US`).",
+        &format!("TICK_US: u32 = {tick_us}"),
+    );
+    let echo = choice("PIXCLOCK_PING", &PINGS) == "echo";
+    constant(
+        &mut settings,
+        "Whether a PING is echoed instead of answered with our time (`PIXCLOCK_PING`).",
+        &format!("PING_ECHO: bool = {echo}"),
+    );
+    let system_id: u8 = number("PIXCLOCK_SYSTEM_ID", 1, 1, 254);
+    constant(
+        &mut settings,
+        "Our MAVLink system id (`PIXCLOCK_SYSTEM_ID`).",
+        &format!("SYSTEM_ID: u8 = {system_id}"),
+    );
+    let latency_us: i64 = number("PIXCLOCK_LATENCY_US", 0, 0, 500_000);
+    constant(
+        &mut settings,
+        "From a solution's epoch to its message's first byte, in ns (`PIXCLOCK_LATENCY_US`).",
+        &format!("LATENCY_NS: i64 = {}", latency_us * 1_000),
+    );
+    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
+    fs::write(out.join("settings.rs"), settings).expect("OUT_DIR can be written");
+
+    if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("none") {
+        link();
+    }
+}
+
+/// One memory map for both boards; the Pixhawk's image stands behind its bootloader.
+fn link() {
+    let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets it")).join("..");
+    println!("cargo:rustc-link-search={}", root.display());
+    println!("cargo:rerun-if-changed=../memory.x");
+    let on_pixhawk = env::var_os("CARGO_FEATURE_PIXHAWK1").is_some();
+    let on_qemu = env::var_os("CARGO_FEATURE_QEMU").is_some();
+    assert!(
+        on_pixhawk != on_qemu,
+        "exactly one board: the default feature `pixhawk1`, or `--no-default-features --features qemu`"
+    );
+    if on_pixhawk {
+        println!("cargo:rustc-link-arg-bins=--defsym=_app_offset=0x4000");
+    }
+    for script in ["link.x", "defmt.x"] {
+        println!("cargo:rustc-link-arg-bins=-T{script}");
+    }
+    println!("cargo:rustc-link-arg-bins=--nmagic");
+}
+
+/// The value of a setting that is one of a list, the first being the default.
+fn choice(name: &str, allowed: &[&str]) -> String {
+    println!("cargo:rerun-if-env-changed={name}");
+    let value = env::var(name).unwrap_or_else(|_| allowed[0].to_owned());
+    assert!(
+        allowed.contains(&value.as_str()),
+        "{name} is `{value}`; allowed are {}",
+        allowed.join(", ")
+    );
+    value
+}
+
+/// The value of a setting that is a number in a range.
+fn number<T>(name: &str, default: T, least: T, most: T) -> T
+where
+    T: std::str::FromStr + PartialOrd + std::fmt::Display + Copy,
+{
+    println!("cargo:rerun-if-env-changed={name}");
+    let Ok(text) = env::var(name) else {
+        return default;
+    };
+    match text.parse() {
+        Ok(value) if value >= least && value <= most => value,
+        _ => panic!("{name} is `{text}`; allowed are whole numbers from {least} to {most}"),
+    }
+}
+
+fn constant(settings: &mut String, doc: &str, definition: &str) {
+    writeln!(settings, "/// {doc}\npub const {definition};").expect("a string takes it");
+}

@@ -1,0 +1,104 @@
+//! The boards: what `main` is given, and how it comes up.
+//!
+//! *Design.* Pins, lines and interrupts are those of the Pixhawk 1 (PX4
+//! `boards/px4/fmu-v2`, ArduPilot `hwdef/fmuv3`) on every board; a board's file
+//! has its clocks, and how its two counters stand to each other. Exactly one of
+//! them is in an image.
+
+use cortex_m::peripheral::NVIC;
+use stm32f4xx_hal::gpio::{ErasedPin, OpenDrain, Output, PinState};
+use stm32f4xx_hal::pac::{self, Interrupt, TIM5};
+use stm32f4xx_hal::prelude::*;
+use stm32f4xx_hal::rcc::{Enable as _, Reset as _};
+use stm32f4xx_hal::serial::Serial;
+
+use crate::drivers::time;
+use crate::drivers::uart::{Reader, Writer};
+use crate::priorities;
+
+mod lines;
+#[cfg_attr(feature = "pixhawk1", path = "pixhawk1.rs")]
+#[cfg_attr(feature = "qemu", path = "qemu.rs")]
+mod this;
+
+pub use lines::wake_readers;
+pub use this::{NAME, WITNESS_RATIO, read_pair};
+
+/// Both lines at start-up, in Bd; the paper's fix.
+const BAUD: u32 = 115_200;
+
+/// The interrupt that the tasks' executor runs in: the camera interface's, which
+/// no Pixhawk uses.
+pub const TASKS: Interrupt = Interrupt::DCMI;
+
+/// Everything that the tasks use of a board.
+pub struct Board {
+    /// The receiver's line.
+    pub gnss: (Reader, Writer),
+    /// The MAVLink line.
+    pub mavlink: (Reader, Writer),
+    /// The amber LED, lit when low.
+    pub led: ErasedPin<Output<OpenDrain>>,
+}
+
+/// Brings the board up: power for the connectors first, then clocks, pins, lines
+/// and the tick. Stops with its reason in the log when that cannot be done.
+pub fn init() -> Board {
+    let (Some(mut core), Some(chip)) = (cortex_m::Peripherals::take(), pac::Peripherals::take())
+    else {
+        defmt::panic!("the board was brought up twice");
+    };
+    let mut rcc = chip.RCC.constrain();
+    let gpioa = chip.GPIOA.split(&mut rcc);
+    // nVDD_5V_PERIPH_EN: feeds the receiver and the telemetry radio. They start up
+    // while we do.
+    let _powered = gpioa.pa8.into_push_pull_output_in_state(PinState::Low);
+    let mut rcc = this::clocks(rcc);
+
+    let gpiod = chip.GPIOD.split(&mut rcc);
+    let gpioe = chip.GPIOE.split(&mut rcc);
+    let gnss = Serial::<_, u8>::new(chip.UART4, (gpioa.pa0, gpioa.pa1), BAUD.bps(), &mut rcc);
+    let mavlink = Serial::<_, u8>::new(chip.USART2, (gpiod.pd5, gpiod.pd6), BAUD.bps(), &mut rcc);
+    if gnss.is_err() || mavlink.is_err() {
+        defmt::panic!("{} Bd cannot be made from the bus clock", BAUD);
+    }
+
+    TIM5::enable(&mut rcc);
+    TIM5::reset(&mut rcc);
+    chip.TIM5
+        .psc()
+        .write(|w| w.psc().set(this::WITNESS_PRESCALER));
+    // The prescaler counts from the next update on; this is one.
+    chip.TIM5.egr().write(|w| w.ug().update());
+    chip.TIM5.cr1().write(|w| w.cen().enabled());
+
+    if let Err(refused) = time::start(core.SYST, &mut core.SCB, chip.TIM5) {
+        defmt::panic!("SysTick did not get its priority: {}", refused);
+    }
+    for (interrupt, priority) in [
+        (Interrupt::UART4, priorities::SERIAL),
+        (Interrupt::USART2, priorities::SERIAL),
+        (TASKS, priorities::TASKS),
+    ] {
+        // SAFETY: the priorities are those of the table, and the handlers are
+        // ready: the rings exist since compile time, and the executor enables
+        // its own interrupt as it starts.
+        unsafe {
+            core.NVIC.set_priority(interrupt, priority);
+            if interrupt != TASKS {
+                NVIC::unmask(interrupt);
+            }
+        }
+    }
+
+    let clock_hz = rcc.clocks.pclk1().raw();
+    let (Some(gnss), Some(mavlink)) = (lines::GNSS.open(clock_hz), lines::MAVLINK.open(clock_hz))
+    else {
+        defmt::panic!("a line was opened twice");
+    };
+    let led = gpioe
+        .pe12
+        .into_open_drain_output_in_state(PinState::High)
+        .erase();
+    Board { gnss, mavlink, led }
+}

@@ -1,0 +1,35 @@
+//! QEMU's `netduinoplus2`: an STM32F405 with SysTick at 168 MHz.
+//!
+//! *Limits.* RCC.CR always reads 0, so nothing may wait for an oscillator: the HAL
+//! is told that the chip stays on HSI. Timers count virtual time at 1 GHz. The
+//! host may stop the machine between any two instructions.
+
+use stm32f4xx_hal::rcc::{Config, Rcc};
+
+/// The board's name, for the log.
+pub const NAME: &str = "qemu";
+
+/// TIM5 counts 1 GHz / 125 = 8 MHz,
+pub const WITNESS_PRESCALER: u16 = 124;
+/// which is 21 core cycles a count.
+pub const WITNESS_RATIO: u32 = 21;
+
+/// Reads the witness and the down-counter within 10 µs of each other, or again
+/// when the host stopped us in between.
+#[inline(always)]
+pub fn read_pair(witness: impl Fn() -> u32, down_count: impl Fn() -> u32) -> (u32, u32) {
+    /// 10 µs in counts of 8 MHz: below a quarter of the shortest tick.
+    const CLOSE: u32 = 80;
+    loop {
+        let before = witness();
+        let count = down_count();
+        if witness().wrapping_sub(before) < CLOSE {
+            return (before, count);
+        }
+    }
+}
+
+/// Leaves the clocks as they are.
+pub fn clocks(rcc: Rcc) -> Rcc {
+    rcc.freeze(Config::hsi())
+}

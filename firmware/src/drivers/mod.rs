@@ -1,0 +1,5 @@
+//! Thin drivers: registers in, values out. With the boards they have all of the
+//! firmware's `unsafe`.
+
+pub mod time;
+pub mod uart;

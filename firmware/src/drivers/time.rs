@@ -1,0 +1,223 @@
+//! Time since boot: SysTick, its witness TIM5, and embassy's time driver.
+//!
+//! *Purpose.* [`now`] and [`stamp`] for everything that happens; timers for the tasks.
+//!
+//! *Design.* The arithmetic is `timebase::tick`'s; here are its registers and words.
+//! The tick interrupt moves the anchor and compares its low word with the alarm:
+//! when that is due it pends PendSV, and the queue of timers is looked through
+//! there, at a lower priority. The alarm is never more than a millisecond away,
+//! because PendSV is also what looks into the serial lines' rings; so 32 bits are
+//! enough for the comparison, and a timer is due at most a tick, and the way to
+//! its task, late. Timers are compared with the time itself and so never early.
+//!
+//! *Limits.* embassy's ticks are µs. Before [`start`] its time is 0.
+
+use core::arch::asm;
+use core::cell::RefCell;
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
+use core::task::Waker;
+
+use cortex_m::peripheral::scb::SystemHandler;
+use cortex_m::peripheral::syst::SystClkSource;
+use cortex_m::peripheral::{SCB, SYST};
+use critical_section::Mutex;
+use embassy_time_driver::Driver;
+use embassy_time_queue_utils::Queue;
+use stm32f4xx_hal::pac::TIM5;
+use timebase::tick::{self, Counters, Word};
+use timebase::{CORE_HZ, Cycles, Stamp};
+
+use crate::settings::TICK_US;
+use crate::{board, priorities};
+
+/// How long bytes may wait in a ring before their task is woken, in cycles: 1 ms.
+const SERVICE: u32 = CORE_HZ / 1_000;
+
+/// The timer that `board` starts beside SysTick, and SysTick itself.
+struct Registers;
+
+static WORDS: [AtomicU32; 4] = [const { AtomicU32::new(0) }; 4];
+static ALARM: AtomicU32 = AtomicU32::new(0);
+static STARTED: AtomicBool = AtomicBool::new(false);
+
+impl Counters for Registers {
+    const PERIOD: u32 = CORE_HZ / 1_000_000 * TICK_US;
+    const RATIO: u32 = board::WITNESS_RATIO;
+
+    #[inline(always)]
+    fn read_pair(&self) -> (u32, u32) {
+        board::read_pair(|| self.read_witness(), SYST::get_current)
+    }
+
+    #[inline(always)]
+    fn read_witness(&self) -> u32 {
+        // SAFETY: reading the count has no side effect, whoever owns the timer.
+        unsafe { (*TIM5::ptr()).cnt().read().bits() }
+    }
+
+    #[inline(always)]
+    fn load(&self, word: Word) -> u32 {
+        WORDS[word as usize].load(Relaxed)
+    }
+
+    #[inline(always)]
+    fn store(&self, word: Word, value: u32) {
+        WORDS[word as usize].store(value, Relaxed);
+    }
+
+    #[inline(always)]
+    fn masked<R>(&self, section: impl FnOnce() -> R) -> R {
+        // As `cortex_m::interrupt::free`, less its branch and its barrier: nothing
+        // here depends on a pending interrupt being taken before the next line.
+        let before: u32;
+        // SAFETY: masks interrupts, and puts back what was found, so that nobody
+        // who had them masked finds them unmasked. Both are barriers to the compiler.
+        unsafe { asm!("mrs {}, PRIMASK", "cpsid i", out(reg) before, options(nostack)) };
+        let result = section();
+        // SAFETY: as above.
+        unsafe { asm!("msr PRIMASK, {}", in(reg) before, options(nostack)) };
+        result
+    }
+}
+
+const _: () = assert!(Registers::PERIOD.is_multiple_of(Registers::RATIO));
+
+/// Why the clock did not start.
+#[derive(Clone, Copy, Debug, defmt::Format)]
+pub struct PriorityRefused {
+    /// What was written to SHPR3 for SysTick.
+    pub wanted: u8,
+    /// What was read back.
+    pub found: u8,
+}
+
+/// Starts SysTick at [`priorities::TICK`]; its witness runs already.
+///
+/// # Errors
+///
+/// [`PriorityRefused`] when SHPR3 does not read back as it was written. Nothing
+/// is started then.
+pub fn start(mut syst: SYST, scb: &mut SCB, _witness: TIM5) -> Result<(), PriorityRefused> {
+    // SAFETY: the priorities are those of the table; no priority-based critical
+    // section exists that they could break.
+    unsafe {
+        scb.set_priority(SystemHandler::SysTick, priorities::TICK);
+        scb.set_priority(SystemHandler::PendSV, priorities::ALARM);
+    }
+    let found = SCB::get_priority(SystemHandler::SysTick);
+    if found != priorities::TICK {
+        return Err(PriorityRefused {
+            wanted: priorities::TICK,
+            found,
+        });
+    }
+    syst.set_clock_source(SystClkSource::Core);
+    syst.set_reload(Registers::PERIOD - 1);
+    syst.clear_current();
+    syst.enable_counter();
+    tick::start(&Registers);
+    // From here on every wrap has its interrupt, or is found by the witness.
+    STARTED.store(true, Relaxed);
+    syst.enable_interrupt();
+    Ok(())
+}
+
+/// Time since boot.
+#[inline(always)]
+pub fn now() -> Cycles {
+    tick::now(&Registers)
+}
+
+/// The low word of the time since boot, for interrupts.
+#[inline(always)]
+pub fn stamp() -> Stamp {
+    tick::stamp(&Registers)
+}
+
+/// Ticks that were lost while interrupts were masked, and made good.
+pub fn lost_ticks() -> u32 {
+    Registers.load(Word::LostTicks)
+}
+
+/// SysTick's handler, at [`priorities::TICK`]: the least possible. What is rare is
+/// outlined, so that the plain tick saves no registers.
+#[unsafe(no_mangle)]
+extern "C" fn SysTick() {
+    match tick::on_tick(&Registers) {
+        Some(anchor) if !is_alarm_due(anchor) => {}
+        Some(_) => pend_alarm(),
+        None => repair(),
+    }
+}
+
+#[cold]
+#[inline(never)]
+fn repair() {
+    if is_alarm_due(tick::repair(&Registers)) {
+        pend_alarm();
+    }
+}
+
+#[cold]
+#[inline(never)]
+fn pend_alarm() {
+    SCB::set_pendsv();
+}
+
+#[inline(always)]
+fn is_alarm_due(anchor: Stamp) -> bool {
+    anchor.0.wrapping_sub(ALARM.load(Relaxed)).cast_signed() >= 0
+}
+
+/// Wakes what is due and sets the next alarm; PendSV calls it.
+pub fn on_alarm() {
+    critical_section::with(|token| {
+        let next = DRIVER
+            .queue
+            .borrow_ref_mut(token)
+            .next_expiration(DRIVER.now());
+        set_alarm(next);
+    });
+}
+
+/// Sets the alarm to `next_us`, or to the next millisecond's service.
+fn set_alarm(next_us: u64) {
+    let anchor = Registers.load(Word::AnchorLow);
+    let from_now = Cycles::from_micros(next_us).since(now());
+    let service = anchor.wrapping_add(SERVICE);
+    let alarm = if from_now < i64::from(SERVICE) {
+        Cycles::from_micros(next_us).stamp().0
+    } else {
+        service
+    };
+    ALARM.store(alarm, Relaxed);
+}
+
+struct TimeDriver {
+    queue: Mutex<RefCell<Queue>>,
+}
+
+embassy_time_driver::time_driver_impl!(static DRIVER: TimeDriver = TimeDriver {
+    queue: Mutex::new(RefCell::new(Queue::new())),
+});
+
+impl Driver for TimeDriver {
+    fn now(&self) -> u64 {
+        if STARTED.load(Relaxed) {
+            now().as_micros()
+        } else {
+            0
+        }
+    }
+
+    fn schedule_wake(&self, at: u64, waker: &Waker) {
+        critical_section::with(|token| {
+            let mut queue = self.queue.borrow_ref_mut(token);
+            if queue.schedule_wake(at, waker) {
+                set_alarm(queue.next_expiration(self.now()));
+            }
+        });
+    }
+}
+
+defmt::timestamp!("{=u64:us}", DRIVER.now());

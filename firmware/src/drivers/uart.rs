@@ -1,0 +1,304 @@
+//! A serial line: bytes stamped as they arrive, bytes that wait to leave.
+//!
+//! *Purpose.* Between a UART's interrupt and a task stand two rings; this module
+//! has both, and the interrupt's handler.
+//!
+//! *Design.* The handler stamps a byte, stores it and wakes nobody: the alarm looks
+//! into the rings once a millisecond ([`Line::wake_reader`]), and the stamps
+//! make that delay harmless. Each end of a ring has one owner: the handler owns
+//! the ends in [`Line`]; [`Line::open`] hands the other ends to a task, once.
+//!
+//! | ring | filled by | drained by | when full |
+//! |---|---|---|---|
+//! | incoming | the handler, ≤ 11.5 bytes a ms at 115200 | the task, each ms | the byte is lost and counted |
+//! | outgoing | the task, whole frames | the handler, as the line takes them | the frame is refused and counted |
+//!
+//! *Limits.* The F4's UARTs have no FIFO: interrupts masked for longer than a byte
+//! (87 µs at 115200) cost one, counted as an overrun. Bytes with a framing error
+//! are dropped; a noisy byte is kept, since checksums judge it.
+
+use core::cell::{Cell, UnsafeCell};
+use core::future::poll_fn;
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use core::task::Poll;
+
+use critical_section::Mutex;
+use embassy_sync::waitqueue::AtomicWaker;
+use heapless::spsc::{Consumer, Producer};
+use stm32f4xx_hal::pac::usart1::RegisterBlock;
+use timebase::StampedByte;
+
+use super::time;
+
+/// SR and CR1 of RM0090, sections 30.6.1 and 30.6.4.
+mod bits {
+    pub(super) const SR_FE: u16 = 1 << 1;
+    pub(super) const SR_NF: u16 = 1 << 2;
+    pub(super) const SR_ORE: u16 = 1 << 3;
+    pub(super) const SR_ERRORS: u16 = SR_FE | SR_NF | SR_ORE;
+    pub(super) const SR_RXNE: u16 = 1 << 5;
+    pub(super) const SR_TC: u16 = 1 << 6;
+    pub(super) const SR_TXE: u16 = 1 << 7;
+    pub(super) const CR1_RXNEIE: u16 = 1 << 5;
+    pub(super) const CR1_TXEIE: u16 = 1 << 7;
+}
+
+/// What went wrong on a line, by kind.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LineErrors {
+    /// Bytes that came before the last one was taken: at least one was lost each time.
+    pub overrun: u32,
+    /// Bytes without a stop bit: a wrong rate, a break, a bad wire. Dropped.
+    pub framing: u32,
+    /// Bytes whose samples disagreed. Kept.
+    pub noise: u32,
+    /// Bytes that found the incoming ring full. Lost.
+    pub incoming_full: u32,
+    /// Frames that found too little room in the outgoing ring. Not sent.
+    pub outgoing_full: u32,
+}
+
+/// One UART with its two rings.
+pub struct Line {
+    registers: *const RegisterBlock,
+    incoming: UnsafeCell<Producer<'static, StampedByte>>,
+    outgoing: UnsafeCell<Consumer<'static, u8>>,
+    ends: Mutex<Cell<Option<Ends>>>,
+    reader: AtomicWaker,
+    counters: [AtomicU32; 5],
+}
+
+type Ends = (Consumer<'static, StampedByte>, Producer<'static, u8>);
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Overrun,
+    Framing,
+    Noise,
+    IncomingFull,
+    OutgoingFull,
+}
+
+// SAFETY: `incoming` and `outgoing` are touched by `on_interrupt` alone, which its
+// contract keeps to one interrupt; everything else is atomic or behind a mutex.
+unsafe impl Sync for Line {}
+
+impl Line {
+    /// A line over the UART at `registers`, with the ends of its two rings.
+    ///
+    /// # Safety
+    ///
+    /// `registers` is a U(S)ART of the chip that nobody else writes to once the
+    /// line is open. (UART4's registers are those of a USART without the
+    /// synchronous and flow-control bits, which stay 0 here.)
+    pub const unsafe fn new(
+        registers: *const RegisterBlock,
+        incoming: (
+            Producer<'static, StampedByte>,
+            Consumer<'static, StampedByte>,
+        ),
+        outgoing: (Producer<'static, u8>, Consumer<'static, u8>),
+    ) -> Self {
+        Self {
+            registers,
+            incoming: UnsafeCell::new(incoming.0),
+            outgoing: UnsafeCell::new(outgoing.1),
+            ends: Mutex::new(Cell::new(Some((incoming.1, outgoing.0)))),
+            reader: AtomicWaker::new(),
+            counters: [const { AtomicU32::new(0) }; 5],
+        }
+    }
+
+    /// The task's ends of the rings, once, with the UART's interrupt sources on.
+    /// `clock_hz` is what the UART's baud generator divides.
+    pub fn open(&'static self, clock_hz: u32) -> Option<(Reader, Writer)> {
+        let (incoming, outgoing) = critical_section::with(|token| self.ends.borrow(token).take())?;
+        self.change_cr1(|cr1| cr1 | bits::CR1_RXNEIE);
+        Some((
+            Reader {
+                line: self,
+                incoming,
+            },
+            Writer {
+                line: self,
+                outgoing,
+                clock_hz,
+            },
+        ))
+    }
+
+    /// The UART's interrupt handler.
+    ///
+    /// # Safety
+    ///
+    /// To be called from that one handler only.
+    #[inline(always)]
+    pub unsafe fn on_interrupt(&self) {
+        let registers = self.registers();
+        let status = registers.sr().read().bits();
+        if status & (bits::SR_RXNE | bits::SR_ORE) == 0 {
+            return self.send_next();
+        }
+        // A byte to send can wait: its request stands, and brings us back at once.
+        let stamp = time::stamp();
+        let byte = registers.dr().read().bits() as u8;
+        if status & bits::SR_ERRORS == 0 || self.is_usable(status) {
+            // SAFETY: this handler is the ring's one producer.
+            let incoming = unsafe { &mut *self.incoming.get() };
+            if incoming.enqueue(StampedByte { stamp, byte }).is_err() {
+                self.count(Kind::IncomingFull);
+            }
+        }
+    }
+
+    /// Gives the UART its next byte, or stops asking when there is none.
+    #[inline(always)]
+    fn send_next(&self) {
+        // SAFETY: this handler is the ring's one consumer.
+        let outgoing = unsafe { &mut *self.outgoing.get() };
+        match outgoing.dequeue() {
+            Some(byte) => {
+                // SAFETY: every value is a byte to send.
+                self.registers()
+                    .dr()
+                    .write(|w| unsafe { w.bits(u16::from(byte)) });
+            }
+            None => self.change_cr1(|cr1| cr1 & !bits::CR1_TXEIE),
+        }
+    }
+
+    /// Counts what the status register complains of; whether the byte is good for
+    /// anything.
+    #[cold]
+    #[inline(never)]
+    fn is_usable(&self, status: u16) -> bool {
+        for (bit, kind) in [
+            (bits::SR_ORE, Kind::Overrun),
+            (bits::SR_FE, Kind::Framing),
+            (bits::SR_NF, Kind::Noise),
+        ] {
+            if status & bit != 0 {
+                self.count(kind);
+            }
+        }
+        status & bits::SR_FE == 0 && status & bits::SR_RXNE != 0
+    }
+
+    /// Wakes the reading task when bytes wait for it.
+    #[inline]
+    pub fn wake_reader(&self) {
+        // SAFETY: only the fill level is read, which is atomic; the handler
+        // preempts us, but never holds a reference across an interrupt.
+        if unsafe { (*self.incoming.get()).len() } > 0 {
+            self.reader.wake();
+        }
+    }
+
+    /// What went wrong so far.
+    pub fn errors(&self) -> LineErrors {
+        let count = |kind: Kind| self.counters[kind as usize].load(Relaxed);
+        LineErrors {
+            overrun: count(Kind::Overrun),
+            framing: count(Kind::Framing),
+            noise: count(Kind::Noise),
+            incoming_full: count(Kind::IncomingFull),
+            outgoing_full: count(Kind::OutgoingFull),
+        }
+    }
+
+    fn count(&self, kind: Kind) {
+        // Each kind has one writer, so that no exclusive access is needed.
+        let counter = &self.counters[kind as usize];
+        counter.store(counter.load(Relaxed).wrapping_add(1), Relaxed);
+    }
+
+    fn registers(&self) -> &RegisterBlock {
+        // SAFETY: `new`'s contract.
+        unsafe { &*self.registers }
+    }
+
+    /// Changes CR1, which the handler and a task both do.
+    fn change_cr1(&self, change: impl FnOnce(u16) -> u16) {
+        critical_section::with(|_| {
+            self.registers()
+                .cr1()
+                // SAFETY: only the interrupt-enable bits above are changed.
+                .modify(|r, w| unsafe { w.bits(change(r.bits())) });
+        });
+    }
+}
+
+/// The task's end of the incoming ring.
+pub struct Reader {
+    line: &'static Line,
+    incoming: Consumer<'static, StampedByte>,
+}
+
+impl Reader {
+    /// Waits until bytes are there; found at the next ms.
+    pub async fn wait(&mut self) {
+        poll_fn(|context| {
+            self.line.reader.register(context.waker());
+            if self.incoming.is_empty() {
+                Poll::Pending
+            } else {
+                Poll::Ready(())
+            }
+        })
+        .await;
+    }
+
+    /// Takes the bytes that are there now.
+    #[inline(always)]
+    pub fn drain(&mut self) -> impl Iterator<Item = StampedByte> {
+        let waiting = self.incoming.len();
+        (0..waiting).map(|_| {
+            // SAFETY: that many were there, and only we take them.
+            unsafe { self.incoming.dequeue_unchecked() }
+        })
+    }
+
+    /// What went wrong on the line so far.
+    pub fn errors(&self) -> LineErrors {
+        self.line.errors()
+    }
+}
+
+/// The task's end of the outgoing ring.
+pub struct Writer {
+    line: &'static Line,
+    outgoing: Producer<'static, u8>,
+    clock_hz: u32,
+}
+
+impl Writer {
+    /// Puts a whole frame into the ring, or none of it.
+    pub fn send(&mut self, frame: &[u8]) {
+        let room = self.outgoing.capacity() - self.outgoing.len();
+        if room < frame.len() {
+            self.line.count(Kind::OutgoingFull);
+            return;
+        }
+        for &byte in frame {
+            // Room was found above, and only we fill it.
+            let _ = self.outgoing.enqueue(byte);
+        }
+        self.line.change_cr1(|cr1| cr1 | bits::CR1_TXEIE);
+    }
+
+    /// Whether everything has left the wire.
+    pub fn is_idle(&self) -> bool {
+        self.outgoing.is_empty() && self.line.registers().sr().read().bits() & bits::SR_TC != 0
+    }
+
+    /// Changes the rate of both directions; wait for [`Self::is_idle`] before.
+    pub fn set_baud(&mut self, baud: u32) {
+        let divider = (self.clock_hz + baud / 2) / baud;
+        // SAFETY: with 16-fold oversampling BRR is the divider in sixteenths
+        // (RM0090, section 30.3.4); our rates give 182 to 4 375 at 42 MHz.
+        self.line
+            .registers()
+            .brr()
+            .write(|w| unsafe { w.bits(divider as u16) });
+    }
+}

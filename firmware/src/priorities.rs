@@ -1,0 +1,18 @@
+//! Who interrupts whom: the one table of priorities.
+//!
+//! *Design.* The tick stands above everything (Shim, Joo, Kim 2021, step II: the
+//! NVIC priority of SysTick at 0). Below it the serial lines, which stamp and
+//! store and wake nobody; then the alarm, which wakes tasks; then the executor
+//! that runs them. The thread level has what may take its time.
+//!
+//! *Limits.* The STM32F427 has the upper four bits of each priority. Nothing that
+//! reads the clock may stand above the tick (`timebase::tick`).
+
+/// SysTick: counts time.
+pub const TICK: u8 = 0x00;
+/// UART4 and USART2: stamp and store bytes.
+pub const SERIAL: u8 = 0x10;
+/// PendSV: due timers, and tasks whose ring has bytes.
+pub const ALARM: u8 = 0x20;
+/// The executor of the GNSS and MAVLink tasks.
+pub const TASKS: u8 = 0x30;

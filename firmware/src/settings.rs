@@ -1,0 +1,4 @@
+//! The settings that this image was built with; `build.rs` makes them from the
+//! environment.
+
+include!(concat!(env!("OUT_DIR"), "/settings.rs"));

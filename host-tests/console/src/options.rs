@@ -1,0 +1,171 @@
+//! The options that `sim` and `qemu` share.
+//!
+//! *Purpose.* One place where they are named, checked and explained.
+//!
+//! *Design.* A clap [`Args`]. Whoever builds the image reads the same struct for
+//! `--tick-us` and hands the built image over with `--image`.
+//!
+//! *Limits.* A wrong option ends the program with exit code 2 and says what is
+//! allowed; files are opened later, by whoever needs them.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser as _};
+
+/// The periods of SysTick that the firmware can be built with, in µs.
+pub const TICKS_US: [u32; 4] = [1_000, 500, 200, 50];
+/// The first board's MAVLink port: where ground stations look for a simulator.
+pub const DEFAULT_MAVLINK_PORT: u16 = 5_760;
+/// How many boards a run may have.
+pub const MAX_BOARDS: u16 = 16;
+
+/// The last port that leaves room for every board after the first.
+const MAX_PORT: i64 = (u16::MAX - (MAX_BOARDS - 1)) as i64;
+
+/// UTC in ns since 1970, as the option `--start` names it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct UtcNanos(pub i64);
+
+/// What `sim` and `qemu` can be asked for.
+#[derive(Args, Clone, Debug)]
+pub struct Options {
+    /// Replay this recording instead of simulating a receiver: the bytes up to
+    /// each NAV-PVT leave together at 115200, spaced by its time of week
+    #[arg(long, value_name = "FILE", conflicts_with = "start")]
+    pub ubx: Option<PathBuf>,
+
+    /// What the simulated receiver takes for UTC when the board powers up, as in
+    /// 2026-11-22T04:00:00Z; without it, this host's clock
+    #[arg(long, value_name = "TIME", value_parser = parse_utc)]
+    pub start: Option<UtcNanos>,
+
+    /// Build the firmware for a tick of so many µs
+    #[arg(long, value_name = "N", default_value = "50", value_parser = tick_parser())]
+    pub tick_us: u32,
+
+    /// The TCP port of the first board's MAVLink; the next boards take the next ports
+    #[arg(long, value_name = "P", default_value_t = DEFAULT_MAVLINK_PORT, value_parser = clap::value_parser!(u16).range(1_024..=MAX_PORT))]
+    pub mavlink_port: u16,
+
+    /// End after so many seconds; without it, at Ctrl-C
+    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u64).range(1..=31_536_000))]
+    duration: Option<u64>,
+
+    /// How many boards to run
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=i64::from(MAX_BOARDS)))]
+    pub boards: u16,
+
+    /// Print one JSON object at the end instead of lines for people
+    #[arg(long)]
+    pub json: bool,
+
+    /// The firmware image to run; `cargo xtask` builds one and fills this in
+    #[arg(long, value_name = "PATH")]
+    pub image: Option<PathBuf>,
+}
+
+impl Options {
+    /// How long the run is to last; `None` is until Ctrl-C.
+    #[must_use]
+    pub fn duration(&self) -> Option<Duration> {
+        self.duration.map(Duration::from_secs)
+    }
+
+    /// The MAVLink port of board `index`, counted from 0 and below
+    /// [`MAX_BOARDS`]; it wraps beyond that.
+    #[must_use]
+    pub const fn mavlink_port_of(&self, index: u16) -> u16 {
+        self.mavlink_port.wrapping_add(index)
+    }
+}
+
+fn tick_parser() -> impl clap::builder::TypedValueParser<Value = u32> {
+    PossibleValuesParser::new(["1000", "500", "200", "50"]).try_map(|tick| tick.parse::<u32>())
+}
+
+fn parse_utc(text: &str) -> Result<UtcNanos, String> {
+    let time: jiff::Timestamp = text.parse().map_err(|error: jiff::Error| {
+        format!("{error}; wanted is a time as in 2026-11-22T04:00:00Z")
+    })?;
+    i64::try_from(time.as_nanosecond())
+        .map(UtcNanos)
+        .map_err(|_| "outside 1677 to 2262, the years that 64-bit nanoseconds reach".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser as _;
+
+    #[derive(clap::Parser, Debug)]
+    struct Program {
+        #[command(flatten)]
+        options: Options,
+    }
+
+    fn parse(words: &[&str]) -> Result<Options, clap::Error> {
+        Program::try_parse_from(["sim"].iter().chain(words)).map(|program| program.options)
+    }
+
+    #[test]
+    fn without_options_it_is_one_board_at_50_us_on_5760_until_ctrl_c() {
+        let options = parse(&[]).unwrap();
+        assert_eq!((options.boards, options.tick_us), (1, 50));
+        assert_eq!(options.mavlink_port_of(0), 5_760);
+        assert_eq!(options.duration(), None);
+    }
+
+    #[test]
+    fn every_tick_that_can_be_built_is_taken_and_another_is_refused_with_the_list() {
+        for tick in TICKS_US {
+            assert_eq!(
+                parse(&["--tick-us", &tick.to_string()]).unwrap().tick_us,
+                tick
+            );
+        }
+        let error = parse(&["--tick-us", "100"]).unwrap_err();
+        assert_eq!(error.exit_code(), 2);
+        assert!(error.to_string().contains("1000, 500, 200, 50"), "{error}");
+    }
+
+    #[test]
+    fn a_start_is_a_moment_of_utc_and_no_other_text() {
+        let options = parse(&["--start", "2026-11-22T04:00:00.5Z"]).unwrap();
+        assert_eq!(options.start, Some(UtcNanos(1_795_320_000_500_000_000)));
+        let shifted = parse(&["--start", "2026-11-22T05:00:00.5+01:00"]).unwrap();
+        assert_eq!(shifted.start, options.start);
+        for wrong in [
+            "yesterday",
+            "2026-11-22T04:00:00",
+            "2026-13-01T00:00:00Z",
+            "9000-01-01T00:00:00Z",
+        ] {
+            assert_eq!(
+                parse(&["--start", wrong]).unwrap_err().exit_code(),
+                2,
+                "{wrong}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_recording_has_its_own_time() {
+        let both = parse(&["--ubx", "a.ubx", "--start", "2026-11-22T04:00:00Z"]);
+        assert_eq!(both.unwrap_err().exit_code(), 2);
+    }
+
+    #[test]
+    fn numbers_out_of_range_are_refused() {
+        for wrong in [
+            ["--boards", "0"],
+            ["--boards", "17"],
+            ["--duration", "0"],
+            ["--mavlink-port", "80"],
+            ["--mavlink-port", "70000"],
+        ] {
+            assert_eq!(parse(&wrong).unwrap_err().exit_code(), 2, "{wrong:?}");
+        }
+    }
+}

@@ -1,1 +1,37 @@
+//! The MAVLink endpoint: it hears requests for the time and says what to answer.
+//!
+//! *Purpose.* MAVLink 1 and 2 on one serial line: PING and TIMESYNC answered,
+//! commands refused politely, HEARTBEAT, SYSTEM_TIME and GPS_RAW_INT told.
+//!
+//! *Design.* A state machine without I/O and without a clock. [`framer`] finds
+//! the frames of a few wanted kinds in any stream of bytes, at a cost that no
+//! stream can raise; [`crc`] is the arithmetic that makes this possible.
+//! [`node`] turns a frame into a [`Request`], which carries the arrival of the
+//! frame's first byte, and a request with the [`NodeTime`] of that moment into
+//! the [`Frame`] to send. [`telling`] has what is sent without being asked.
+//! [`client`] is the other end of the line, for the tools on a host. The crate
+//! `mavlink` parses and builds payloads; none of its types is in the interface.
+//!
+//! *Limits.* One node a line. Signatures are not checked: the time is no
+//! secret, and signed requests are answered unsigned, as the C library does
+//! when it has no key. Parameters, missions and files are not served.
 #![no_std]
+#![forbid(unsafe_code)]
+#![deny(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing
+)]
+
+pub mod client;
+pub mod crc;
+pub mod frame;
+pub mod framer;
+pub mod node;
+mod ping;
+pub mod telling;
+
+pub use frame::{Address, Frame, Version};
+pub use node::{Ask, Config, Counters, Node, NodeTime, PingReply, Request};
+pub use telling::{Fix, GpsFix, Severity};

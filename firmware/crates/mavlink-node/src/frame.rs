@@ -1,0 +1,160 @@
+//! A frame to send, and the sequence numbers of a sender.
+//!
+//! *Purpose.* Turns a payload into the bytes of a MAVLink 1 or 2 frame.
+//!
+//! *Design.* MAVLink 1: `FE len seq sys comp id payload crc`. MAVLink 2: `FD len
+//! incompat compat seq sys comp id×3 payload crc`, trailing zeros of the payload
+//! left out but for the first byte (MAVLink guide, "Packet serialization"). The
+//! header is written in front of the payload, which `mavlink` puts in its place.
+//!
+//! *Limits.* Nothing is signed. The longest message here is STATUSTEXT.
+
+use core::ops::Deref;
+
+use mavlink::{MavlinkVersion, MessageData};
+
+use crate::crc;
+
+/// First byte of a MAVLink 1 frame.
+pub(crate) const MAGIC_V1: u8 = 0xfe;
+/// First byte of a MAVLink 2 frame.
+pub(crate) const MAGIC_V2: u8 = 0xfd;
+/// From the magic to the payload, MAVLink 1.
+pub(crate) const HEADER_V1: usize = 6;
+/// From the magic to the payload, MAVLink 2.
+pub(crate) const HEADER_V2: usize = 10;
+/// The two bytes after the payload.
+pub(crate) const CRC_LEN: usize = 2;
+
+/// The longest payload that is sent: STATUSTEXT in MAVLink 2.
+const MAX_PAYLOAD: usize = 54;
+
+/// The version of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Version {
+    /// MAVLink 1.
+    V1,
+    /// MAVLink 2.
+    V2,
+}
+
+impl From<Version> for MavlinkVersion {
+    fn from(version: Version) -> Self {
+        match version {
+            Version::V1 => Self::V1,
+            Version::V2 => Self::V2,
+        }
+    }
+}
+
+/// Who sent a frame, or whom it is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Address {
+    /// System, 1 to 255; 0 as a target means everybody.
+    pub system: u8,
+    /// Component; 0 as a target means every component.
+    pub component: u8,
+}
+
+/// The bytes of one frame, ready to be sent.
+#[derive(Clone, Copy)]
+pub struct Frame {
+    bytes: [u8; Self::CAPACITY],
+    len: u8,
+}
+
+impl Frame {
+    /// The longest frame that this crate sends, in bytes.
+    pub const CAPACITY: usize = HEADER_V2 + MAX_PAYLOAD + CRC_LEN;
+}
+
+impl Deref for Frame {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        self.bytes.get(..usize::from(self.len)).unwrap_or_default()
+    }
+}
+
+impl core::fmt::Debug for Frame {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{:02x?}", &**self)
+    }
+}
+
+/// One end of a line: its address and the number of its next frame.
+#[derive(Debug)]
+pub(crate) struct Sender {
+    address: Address,
+    sequence: u8,
+}
+
+impl Sender {
+    pub(crate) const fn new(address: Address) -> Self {
+        Self {
+            address,
+            sequence: 0,
+        }
+    }
+
+    pub(crate) const fn address(&self) -> Address {
+        self.address
+    }
+
+    /// The next frame, with `message` as its payload.
+    pub(crate) fn message<M: MessageData>(&mut self, version: Version, message: &M) -> Frame {
+        const { assert!(M::ENCODED_LEN <= MAX_PAYLOAD) };
+        // Every id that is sent here is below 256, so that MAVLink 1 can say it.
+        const { assert!(M::ID <= u8::MAX as u32) };
+        self.frame(version, M::ID as u8, M::EXTRA_CRC, |payload| {
+            message.ser(version.into(), payload)
+        })
+    }
+
+    /// The next frame; `fill` writes the payload and returns its length.
+    #[inline]
+    pub(crate) fn frame(
+        &mut self,
+        version: Version,
+        id: u8,
+        crc_extra: u8,
+        fill: impl FnOnce(&mut [u8; MAX_PAYLOAD]) -> usize,
+    ) -> Frame {
+        let Address { system, component } = self.address;
+        let sequence = self.sequence;
+        self.sequence = sequence.wrapping_add(1);
+
+        let mut bytes = [0; Frame::CAPACITY];
+        let header_len = match version {
+            Version::V1 => HEADER_V1,
+            Version::V2 => HEADER_V2,
+        };
+        let Some((header, rest)) = bytes.split_at_mut_checked(header_len) else {
+            return Frame { bytes, len: 0 };
+        };
+        let Some(payload) = rest.first_chunk_mut() else {
+            return Frame { bytes, len: 0 };
+        };
+        let payload_len = fill(payload).min(MAX_PAYLOAD);
+        let length = payload_len as u8;
+        match version {
+            Version::V1 => {
+                header.copy_from_slice(&[MAGIC_V1, length, sequence, system, component, id]);
+            }
+            Version::V2 => header.copy_from_slice(&[
+                MAGIC_V2, length, 0, 0, sequence, system, component, id, 0, 0,
+            ]),
+        }
+
+        let end = header_len + payload_len;
+        let covered = bytes.get(1..end).unwrap_or_default();
+        let sum = crc::step(crc::over(crc::INIT, covered), crc_extra);
+        if let Some(place) = bytes.get_mut(end..end + CRC_LEN) {
+            place.copy_from_slice(&sum.to_le_bytes());
+        }
+        Frame {
+            bytes,
+            len: (end + CRC_LEN) as u8,
+        }
+    }
+}

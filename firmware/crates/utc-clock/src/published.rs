@@ -72,6 +72,7 @@ const OLDER: u32 = 2;
 
 /// The clock's time line as readers see it.
 #[derive(Debug)]
+#[repr(C)]
 pub struct Published<W = AtomicU32> {
     sequence: W,
     /// Each a model in the form of [`ClockModel::words`].
@@ -144,7 +145,7 @@ impl<W: Word> Published<W> {
                 continue;
             }
             if distance >> 32 != 0 {
-                return self.reading_at(when).utc;
+                return self.utc_the_long_way(when);
             }
             return UtcNanos(utc.cast_signed());
         }
@@ -153,8 +154,6 @@ impl<W: Word> Published<W> {
     /// The whole reading at `when`, which may be a stamp from before the newest
     /// model.
     #[must_use]
-    #[cold]
-    #[inline(never)]
     pub fn reading_at(&self, when: Cycles) -> Reading {
         loop {
             let sequence = self.sequence.load();
@@ -171,6 +170,12 @@ impl<W: Word> Published<W> {
                 return model.reading_at(when);
             }
         }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn utc_the_long_way(&self, when: Cycles) -> UtcNanos {
+        self.reading_at(when).utc
     }
 
     fn model(&self, sequence: u32) -> ClockModel {

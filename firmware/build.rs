@@ -34,11 +34,11 @@ fn main() {
         "Our MAVLink system id (`PIXCLOCK_SYSTEM_ID`).",
         &format!("SYSTEM_ID: u8 = {system_id}"),
     );
-    let latency_us: i64 = number("PIXCLOCK_LATENCY_US", 0, 0, 500_000);
+    let latency_us: u32 = number("PIXCLOCK_LATENCY_US", 0, 0, 500_000);
     constant(
         &mut settings,
         "From a solution's epoch to its message's first byte, in ns (`PIXCLOCK_LATENCY_US`).",
-        &format!("LATENCY_NS: i64 = {}", latency_us * 1_000),
+        &format!("LATENCY_NS: u32 = {}", latency_us * 1_000),
     );
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     fs::write(out.join("settings.rs"), settings).expect("OUT_DIR can be written");

@@ -248,14 +248,10 @@ impl Reader {
         .await;
     }
 
-    /// Takes the bytes that are there now.
+    /// Takes the oldest byte.
     #[inline(always)]
-    pub fn drain(&mut self) -> impl Iterator<Item = StampedByte> {
-        let waiting = self.incoming.len();
-        (0..waiting).map(|_| {
-            // SAFETY: that many were there, and only we take them.
-            unsafe { self.incoming.dequeue_unchecked() }
-        })
+    pub fn take(&mut self) -> Option<StampedByte> {
+        self.incoming.dequeue()
     }
 
     /// What went wrong on the line so far.

@@ -6,16 +6,20 @@
 //! *Design.* The register is linear over GF(2). Two registers that read the same
 //! n bytes differ, afterwards, by their first difference moved through n zero
 //! bytes: `crc(window) = running_end ^ zeros(n, running_start ^ INIT)`. `zeros`
-//! is a product with a constant matrix, done by nibbles: one table set for the
-//! multiples of eight bytes, one for the rest.
+//! is a product with a constant matrix, done by nibbles, with a table for every
+//! even n.
 //!
-//! *Limits.* [`zeros`] covers n up to [`MAX_ZEROS`].
+//! *Limits.* [`zeros`] covers n from [`MIN_ZEROS`] to [`MAX_ZEROS`], in 2.25 KB of
+//! tables.
 
 /// The register before the first byte.
 pub const INIT: u16 = 0xffff;
 
+/// The shortest run of zero bytes that [`zeros`] knows.
+pub const MIN_ZEROS: usize = 10;
+
 /// The longest run of zero bytes that [`zeros`] knows.
-pub const MAX_ZEROS: usize = 8 * EIGHTS + 7;
+pub const MAX_ZEROS: usize = MIN_ZEROS + 2 * MAPS.len() - 1;
 
 /// The register after one more byte (polynomial 0x1021, reflected: the shift
 /// form of MAVLink's `checksum.h`).
@@ -34,26 +38,20 @@ pub fn over(register: u16, bytes: &[u8]) -> u16 {
     bytes.iter().fold(register, |r, &byte| step(r, byte))
 }
 
-/// The register after `count` zero bytes; `count` at most [`MAX_ZEROS`], any
-/// more are left out.
+/// The register after `count` zero bytes, [`MIN_ZEROS`] to [`MAX_ZEROS`]; the
+/// register as it is for any other count.
 #[must_use]
 #[inline]
 pub fn zeros(count: usize, register: u16) -> u16 {
-    let coarse = BY_EIGHT
-        .get(count / 8)
-        .map_or(register, |map| map.of(register));
-    BY_ONE.get(count % 8).map_or(coarse, |map| map.of(coarse))
+    let Some(map) = MAPS.get((count / 2).wrapping_sub(MIN_ZEROS / 2)) else {
+        return register;
+    };
+    let odd = count % 2 == 1;
+    map.of(if odd { step(register, 0) } else { register })
 }
 
-/// How many multiples of eight zero bytes have a table: enough for the longest
-/// window that the framer looks at.
-const EIGHTS: usize = 5;
-
-/// By index: how far 0, 8, 16 … zero bytes move a register.
-static BY_EIGHT: [Map; EIGHTS + 1] = Map::multiples(8);
-
-/// By index: how far 0, 1, 2 … 7 zero bytes move a register.
-static BY_ONE: [Map; 8] = Map::multiples(1);
+/// By index: how far 10, 12, 14 … 44 zero bytes move a register.
+static MAPS: [Map; 18] = Map::every_second(MIN_ZEROS);
 
 /// A linear map of the register: for each nibble, lowest first, what each of
 /// its values adds.
@@ -65,8 +63,8 @@ struct Map([[u16; 16]; 4]);
     reason = "the indices are remainders by the lengths"
 )]
 impl Map {
-    /// The maps of 0, `bytes`, 2 · `bytes` … zero bytes.
-    const fn multiples<const N: usize>(bytes: usize) -> [Self; N] {
+    /// The maps of `first`, `first` + 2, `first` + 4 … zero bytes.
+    const fn every_second<const N: usize>(first: usize) -> [Self; N] {
         let mut maps = [Self([[0; 16]; 4]); N];
         let mut index = 0;
         while index < N {
@@ -74,7 +72,7 @@ impl Map {
             while entry < 64 {
                 let (nibble, value) = (entry / 16, entry % 16);
                 let mut register = (value << (4 * nibble)) as u16;
-                let mut left = index * bytes;
+                let mut left = first + 2 * index;
                 while left > 0 {
                     register = step(register, 0);
                     left -= 1;
@@ -106,10 +104,10 @@ mod tests {
     }
 
     #[test]
-    fn zeros_equals_single_steps_for_every_register_and_count() {
+    fn zeros_equals_single_steps_for_every_register() {
         for register in 0..=u16::MAX {
-            let mut expected = register;
-            for count in 0..=MAX_ZEROS {
+            let mut expected = over(register, &[0; MIN_ZEROS]);
+            for count in MIN_ZEROS..=MAX_ZEROS {
                 assert_eq!(
                     zeros(count, register),
                     expected,
@@ -124,7 +122,7 @@ mod tests {
     fn a_window_follows_from_the_registers_at_its_ends() {
         let stream: [u8; 60] = core::array::from_fn(|i| (i * 73 + 5) as u8);
         for start in 0..15 {
-            for end in start..start + MAX_ZEROS.min(45) {
+            for end in start + MIN_ZEROS..=start + MAX_ZEROS {
                 let (before, at_end) = (over(INIT, &stream[..start]), over(INIT, &stream[..end]));
                 assert_eq!(
                     at_end ^ zeros(end - start, before ^ INIT),

@@ -1,0 +1,156 @@
+//! What a good frame says.
+//!
+//! *Purpose.* A NAV-PVT as the clock's [`TimeMark`] and as the position that
+//! MAVLink passes on; an answer to configuration.
+//!
+//! *Design.* `ublox` reads the payload, once, and only its raw integers are used:
+//! its scaled accessors are in `f64`, which this core does in software, and its
+//! `Debug` panics on some packets. Nothing is judged here: a month may be 13.
+//!
+//! *Limits.* Height above the ellipsoid, the velocity's components and the
+//! magnetic fields are left where they are.
+
+use timebase::{CivilTime, Cycles, TimeMark, Validity};
+use ublox::UbxProtocol;
+use ublox::proto23::{PacketRef, Proto23};
+
+use crate::kind::{ACK_PAYLOAD_LEN, HEADER_LEN, Kind, NAV_PVT_PAYLOAD_LEN};
+
+/// What the receiver said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// NAV-PVT: a solution.
+    NavPvt {
+        /// Its time.
+        mark: TimeMark,
+        /// Its position.
+        fix: Fix,
+    },
+    /// ACK-ACK: a configuration frame was accepted.
+    Ack {
+        /// The class of that frame.
+        class: u8,
+        /// Its id.
+        id: u8,
+    },
+    /// ACK-NAK: a configuration frame was refused.
+    Nak {
+        /// The class of that frame.
+        class: u8,
+        /// Its id.
+        id: u8,
+    },
+}
+
+/// Position and movement as they stand in a NAV-PVT (u-blox M8 receiver
+/// description, UBX-NAV-PVT), unchecked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Fix {
+    /// `fixType`: 0 none, 1 dead reckoning, 2 2D, 3 3D, 4 both, 5 time only.
+    pub fix_type: u8,
+    /// `gnssFixOK`: within the receiver's own limits.
+    pub fix_ok: bool,
+    /// `numSV`: satellites used.
+    pub satellites: u8,
+    /// `lat`, in 10⁻⁷ degrees.
+    pub latitude_1e7_deg: i32,
+    /// `lon`, in 10⁻⁷ degrees.
+    pub longitude_1e7_deg: i32,
+    /// `hMSL`: height above mean sea level, in mm.
+    pub height_msl_mm: i32,
+    /// `hAcc`: horizontal accuracy, in mm.
+    pub horizontal_accuracy_mm: u32,
+    /// `vAcc`: vertical accuracy, in mm.
+    pub vertical_accuracy_mm: u32,
+    /// `gSpeed`: speed over ground, in mm/s.
+    pub ground_speed_mm_s: i32,
+    /// `headMot`: heading of motion, in 10⁻⁵ degrees.
+    pub heading_1e5_deg: i32,
+    /// `pDOP`, in hundredths.
+    pub pdop_1e2: u16,
+}
+
+/// The bits of `valid` and `flags` that are used, and `utcStandard` when the
+/// leap-second count is still the one that the receiver was built with.
+const VALID_DATE: u8 = 0x01;
+const VALID_TIME: u8 = 0x02;
+const FULLY_RESOLVED: u8 = 0x04;
+const UTC_STANDARD_UNKNOWN: u8 = 0xf;
+const GNSS_FIX_OK: u8 = 0x01;
+const CONFIRMED_TIME: u8 = 0x80;
+
+/// The payload of a frame, of `LENGTH` bytes.
+fn payload<const LENGTH: usize>(frame: &[u8]) -> Option<&[u8; LENGTH]> {
+    frame.get(HEADER_LEN..)?.first_chunk()
+}
+
+/// What the whole frame `frame` of `kind` says, whose first byte came at
+/// `arrival`; `None` if `ublox` refuses it.
+pub(crate) fn parse(kind: Kind, frame: &[u8], arrival: Cycles) -> Option<Event> {
+    // Class and id are constants in each call, so that of `ublox`'s table of
+    // packets only the one in question is compiled.
+    match kind {
+        Kind::NavPvt => {
+            let payload = payload::<NAV_PVT_PAYLOAD_LEN>(frame)?;
+            let PacketRef::NavPvt(pvt) = Proto23::match_packet(0x01, 0x07, payload).ok()? else {
+                return None;
+            };
+            let valid = pvt.valid_raw();
+            Some(Event::NavPvt {
+                mark: TimeMark {
+                    arrival,
+                    epoch: CivilTime {
+                        year: pvt.year(),
+                        month: pvt.month(),
+                        day: pvt.day(),
+                        hour: pvt.hour(),
+                        minute: pvt.min(),
+                        second: pvt.sec(),
+                        nano: pvt.nanosec(),
+                    },
+                    t_acc_ns: pvt.time_accuracy(),
+                    validity: Validity {
+                        date: valid & VALID_DATE != 0,
+                        time: valid & VALID_TIME != 0,
+                        fully_resolved: valid & FULLY_RESOLVED != 0,
+                        confirmed: pvt.flags2_raw() & CONFIRMED_TIME != 0,
+                        leap_seconds_known: valid >> 4 != UTC_STANDARD_UNKNOWN,
+                    },
+                },
+                fix: Fix {
+                    fix_type: pvt.fix_type_raw(),
+                    fix_ok: pvt.flags_raw() & GNSS_FIX_OK != 0,
+                    satellites: pvt.num_satellites(),
+                    latitude_1e7_deg: pvt.latitude_raw(),
+                    longitude_1e7_deg: pvt.longitude_raw(),
+                    height_msl_mm: pvt.height_msl_raw(),
+                    horizontal_accuracy_mm: pvt.horizontal_accuracy_raw(),
+                    vertical_accuracy_mm: pvt.vertical_accuracy_raw(),
+                    ground_speed_mm_s: pvt.ground_speed_2d_raw(),
+                    heading_1e5_deg: pvt.heading_motion_raw(),
+                    pdop_1e2: pvt.pdop_raw(),
+                },
+            })
+        }
+        Kind::Ack => {
+            let payload = payload::<ACK_PAYLOAD_LEN>(frame)?;
+            let PacketRef::AckAck(ack) = Proto23::match_packet(0x05, 0x01, payload).ok()? else {
+                return None;
+            };
+            Some(Event::Ack {
+                class: ack.class(),
+                id: ack.msg_id(),
+            })
+        }
+        Kind::Nak => {
+            let payload = payload::<ACK_PAYLOAD_LEN>(frame)?;
+            let PacketRef::AckNak(nak) = Proto23::match_packet(0x05, 0x00, payload).ok()? else {
+                return None;
+            };
+            Some(Event::Nak {
+                class: nak.class(),
+                id: nak.msg_id(),
+            })
+        }
+    }
+}

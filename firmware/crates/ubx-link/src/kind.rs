@@ -1,0 +1,87 @@
+//! The frames that we use, and how their headers look.
+//!
+//! *Purpose.* To say of the first bytes of a frame whether it can be one of ours.
+//!
+//! *Design.* Class, id **and** length must be right: a false length is no
+//! candidate, so that it cannot hold anything up.
+//!
+//! *Limits.* A NAV-PVT of another length than the M8's 92 bytes is not ours.
+
+/// Sync, class, id and length.
+pub(crate) const HEADER_LEN: usize = 6;
+/// [`HEADER_LEN`] and the checksum.
+pub(crate) const OVERHEAD: usize = HEADER_LEN + 2;
+/// Payload of a NAV-PVT, in bytes (u-blox M8 receiver description).
+pub(crate) const NAV_PVT_PAYLOAD_LEN: usize = 92;
+/// Payload of an acknowledgement, in bytes (the same).
+pub(crate) const ACK_PAYLOAD_LEN: usize = 2;
+/// The longest frame that we use, in bytes.
+pub(crate) const LONGEST: usize = NAV_PVT_PAYLOAD_LEN + OVERHEAD;
+/// The shortest frame that we use, in bytes.
+pub(crate) const SHORTEST: usize = ACK_PAYLOAD_LEN + OVERHEAD;
+
+pub(crate) const SYNC_1: u8 = 0xb5;
+pub(crate) const SYNC_2: u8 = 0x62;
+
+/// A kind of frame that we use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    NavPvt,
+    Ack,
+    Nak,
+}
+
+impl Kind {
+    /// Length of the whole frame, in bytes.
+    pub(crate) const fn frame_len(self) -> usize {
+        match self {
+            Self::NavPvt => LONGEST,
+            Self::Ack | Self::Nak => SHORTEST,
+        }
+    }
+}
+
+/// What bytes that begin with [`SYNC_1`] can be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Header {
+    /// The header of a frame that we use.
+    Ours(Kind),
+    /// Too few bytes to tell.
+    Unfinished,
+    /// Not a UBX header: the second sync byte is missing.
+    LoneSync,
+    /// A UBX header of another class or id.
+    OtherMessage,
+    /// One of ours by class and id, but not by its length.
+    FalseLength,
+}
+
+impl Header {
+    /// Looks at the bytes from a [`SYNC_1`] on.
+    #[inline]
+    pub(crate) fn at(bytes: &[u8]) -> Self {
+        // Class, id and length are compared as one word, class and id as half.
+        const NAV_PVT: u32 = u32::from_le_bytes([0x01, 0x07, NAV_PVT_PAYLOAD_LEN as u8, 0]);
+        const ACK: u32 = u32::from_le_bytes([0x05, 0x01, ACK_PAYLOAD_LEN as u8, 0]);
+        const NAK: u32 = u32::from_le_bytes([0x05, 0x00, ACK_PAYLOAD_LEN as u8, 0]);
+        const MESSAGE: u32 = 0xffff;
+        if bytes.get(1).is_some_and(|byte| *byte != SYNC_2) {
+            return Self::LoneSync;
+        }
+        let Some([_, _, word @ ..]) = bytes.first_chunk::<HEADER_LEN>() else {
+            return Self::Unfinished;
+        };
+        match u32::from_le_bytes(*word) {
+            NAV_PVT => Self::Ours(Kind::NavPvt),
+            ACK => Self::Ours(Kind::Ack),
+            NAK => Self::Ours(Kind::Nak),
+            word if [NAV_PVT, ACK, NAK]
+                .iter()
+                .any(|ours| (word ^ ours) & MESSAGE == 0) =>
+            {
+                Self::FalseLength
+            }
+            _ => Self::OtherMessage,
+        }
+    }
+}

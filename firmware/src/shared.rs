@@ -1,0 +1,83 @@
+//! What tasks tell each other.
+//!
+//! *Design.* One writer each: the GNSS task publishes the clock and its report,
+//! the MAVLink task its own report. The clock is read without a lock, from any
+//! interrupt; reports are copied under a critical section, once a second.
+//!
+//! | queue | filled by | drained by | when full |
+//! |---|---|---|---|
+//! | [`NEWS`] | the GNSS task, at sets and steps | the MAVLink task, each second | the newest is dropped: the log has it |
+
+use core::cell::Cell;
+
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::channel::Channel;
+use mavlink_node::NodeTime;
+use timebase::Cycles;
+use ubx_link::{Fix, LinkCounters};
+use utc_clock::{ClockState, Outcome, Published};
+
+use crate::drivers::uart::LineErrors;
+
+/// The clock.
+pub static CLOCK: Published = Published::new();
+
+/// The last report of the GNSS task.
+pub static GNSS: Report<GnssReport> = Report::new();
+
+/// The last report of the MAVLink task.
+pub static MAVLINK: Report<MavlinkReport> = Report::new();
+
+/// What the clock did that others should hear of.
+pub static NEWS: Channel<CriticalSectionRawMutex, Outcome, 4> = Channel::new();
+
+/// The node's time at `when`, for MAVLink.
+pub fn node_time(when: Cycles) -> NodeTime {
+    let reading = CLOCK.reading_at(when);
+    NodeTime {
+        boot_us: when.as_micros(),
+        utc_ns: (reading.state != ClockState::Unset).then_some(reading.utc.0),
+    }
+}
+
+/// What the GNSS task has counted and seen.
+#[derive(Clone, Copy)]
+pub struct GnssReport {
+    /// Bytes and frames on the receiver's line.
+    pub link: LinkCounters,
+    /// Marks and what became of them.
+    pub clock: utc_clock::Counters,
+    /// Errors of the line itself.
+    pub line: LineErrors,
+    /// The last solution, and when it arrived.
+    pub fix: Option<(Cycles, Fix)>,
+}
+
+/// What the MAVLink task has counted.
+#[derive(Clone, Copy)]
+pub struct MavlinkReport {
+    /// Frames and requests.
+    pub node: mavlink_node::Counters,
+    /// Errors of the line itself.
+    pub line: LineErrors,
+}
+
+/// The latest of a kind of report; before the first there is none.
+pub struct Report<T>(Mutex<CriticalSectionRawMutex, Cell<Option<T>>>);
+
+impl<T: Copy> Report<T> {
+    const fn new() -> Self {
+        Self(Mutex::new(Cell::new(None)))
+    }
+
+    /// Replaces the report.
+    pub fn tell(&self, report: T) {
+        self.0.lock(|cell| cell.set(Some(report)));
+    }
+
+    /// The last one.
+    pub fn get(&self) -> Option<T> {
+        self.0.lock(Cell::get)
+    }
+}

@@ -1,0 +1,66 @@
+//! The start: board, executors, tasks; and the two interrupts that run them.
+
+use cortex_m_rt::exception;
+#[cfg(feature = "pixhawk1")]
+use defmt_rtt as _;
+#[cfg(feature = "qemu")]
+use defmt_semihosting as _;
+use embassy_executor::{Executor, InterruptExecutor};
+use static_cell::StaticCell;
+use stm32f4xx_hal::pac::interrupt;
+
+use crate::board::{self, Board};
+use crate::drivers::time;
+use crate::settings;
+use crate::tasks::{gnss, led, mavlink, status};
+
+/// Runs what must be prompt, at `priorities::TASKS`.
+static PROMPT: InterruptExecutor = InterruptExecutor::new();
+/// Runs what may take its time, at thread level.
+static PATIENT: StaticCell<Executor> = StaticCell::new();
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    let Board {
+        gnss: (gnss_reader, gnss_writer),
+        mavlink: (mavlink_reader, mavlink_writer),
+        led,
+    } = board::init();
+    defmt::info!(
+        "pixclock {=str} on {=str}, tick {=u32} us, system {=u8}",
+        env!("CARGO_PKG_VERSION"),
+        board::NAME,
+        settings::TICK_US,
+        settings::SYSTEM_ID
+    );
+    let prompt = PROMPT.start(board::TASKS);
+    let (Ok(gnss), Ok(mavlink)) = (
+        gnss::run(gnss_reader, gnss_writer),
+        mavlink::run(mavlink_reader, mavlink_writer),
+    ) else {
+        defmt::panic!("a task was started twice");
+    };
+    prompt.spawn(gnss);
+    prompt.spawn(mavlink);
+    PATIENT.init(Executor::new()).run(|patient| {
+        let (Ok(led), Ok(status)) = (led::run(led), status::run()) else {
+            defmt::panic!("a task was started twice");
+        };
+        patient.spawn(led);
+        patient.spawn(status);
+    })
+}
+
+/// The executor of the GNSS and MAVLink tasks; see [`board::TASKS`].
+#[interrupt]
+fn DCMI() {
+    // SAFETY: this is its one handler, and it is enabled by `start`.
+    unsafe { PROMPT.on_interrupt() }
+}
+
+/// The alarm: at least once a ms, and when a timer is due.
+#[exception]
+fn PendSV() {
+    board::wake_readers();
+    time::on_alarm();
+}

@@ -1,0 +1,30 @@
+//! The amber LED tells the clock's state to whoever looks at the board.
+//!
+//! | state | the LED |
+//! |---|---|
+//! | unset | five flashes a second |
+//! | set | a short flash a second |
+//! | holdover | a long flash a second |
+
+use embassy_time::Timer;
+use stm32f4xx_hal::gpio::{ErasedPin, OpenDrain, Output};
+use utc_clock::ClockState;
+
+use crate::drivers::time;
+use crate::shared::CLOCK;
+
+/// Runs for ever, at thread level.
+#[embassy_executor::task]
+pub async fn run(mut led: ErasedPin<Output<OpenDrain>>) {
+    loop {
+        let (lit_ms, dark_ms) = match CLOCK.reading_at(time::now()).state {
+            ClockState::Unset => (100, 100),
+            ClockState::Set => (50, 950),
+            ClockState::Holdover => (500, 500),
+        };
+        led.set_low();
+        Timer::after_millis(lit_ms).await;
+        led.set_high();
+        Timer::after_millis(dark_ms).await;
+    }
+}

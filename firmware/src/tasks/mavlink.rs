@@ -1,0 +1,100 @@
+//! The MAVLink task: requests in, answers out, and what a good citizen says once
+//! a second.
+
+use core::fmt::Write as _;
+
+use embassy_futures::select::{Either, select};
+use embassy_time::{Duration, Ticker};
+use heapless::String;
+use mavlink_node::{Config, Fix, GpsFix, Node, PingReply, Severity};
+use timebase::CORE_HZ;
+use utc_clock::Outcome;
+
+use crate::drivers::time;
+use crate::drivers::uart::{Reader, Writer};
+use crate::settings;
+use crate::shared::{self, GNSS, MAVLINK, MavlinkReport, NEWS};
+
+/// A solution is told for so long, in cycles: 2 s. Then the receiver is silent.
+const FIX_LASTS: i64 = 2 * CORE_HZ as i64;
+
+/// Runs for ever, on the interrupt-level executor.
+#[embassy_executor::task]
+pub async fn run(mut reader: Reader, mut writer: Writer) {
+    let mut node = Node::new(Config {
+        system_id: settings::SYSTEM_ID,
+        component_id: 1,
+        ping_reply: if settings::PING_ECHO {
+            PingReply::Echo
+        } else {
+            PingReply::RtosTime
+        },
+    });
+    let mut beat = Ticker::every(Duration::from_secs(1));
+    loop {
+        let woken = select(reader.wait(), beat.next()).await;
+        if matches!(woken, Either::Second(())) {
+            once_a_second(&mut node, &mut writer);
+            MAVLINK.tell(MavlinkReport {
+                node: node.counters(),
+                line: reader.errors(),
+            });
+        }
+        let now = time::now();
+        while let Some(byte) = reader.take() {
+            if let Some(request) = node.receive(byte, now) {
+                let answer = node.answer(&request, shared::node_time(request.arrival));
+                writer.send(&answer);
+            }
+        }
+    }
+}
+
+/// HEARTBEAT, SYSTEM_TIME, GPS_RAW_INT, and what the clock did.
+fn once_a_second(node: &mut Node, writer: &mut Writer) {
+    let now = time::now();
+    let node_time = shared::node_time(now);
+    writer.send(&node.heartbeat(node_time));
+    writer.send(&node.system_time(node_time));
+    let recent = GNSS
+        .get()
+        .and_then(|report| report.fix)
+        .filter(|(arrival, _)| now.since(*arrival) < FIX_LASTS);
+    let (fix_time, fix) = match recent {
+        Some((arrival, fix)) => (shared::node_time(arrival), gps_fix(&fix)),
+        None => (node_time, GpsFix::NONE),
+    };
+    writer.send(&node.gps_raw_int(fix_time, &fix));
+    while let Ok(news) = NEWS.try_receive() {
+        // 50 characters are what a STATUSTEXT holds; each of these is shorter.
+        let mut text = String::<50>::new();
+        let _ = match news {
+            Outcome::Set => write!(text, "clock set"),
+            Outcome::Stepped { by_ns } => write!(text, "clock stepped by {by_ns} ns"),
+            Outcome::Slewed { .. } | Outcome::Refused(_) => continue,
+        };
+        writer.send(&node.statustext(Severity::Notice, &text));
+    }
+}
+
+/// A receiver's solution in MAVLink's units.
+fn gps_fix(fix: &ubx_link::Fix) -> GpsFix {
+    GpsFix {
+        // 1 is dead reckoning, 4 is it with a 3D fix, 5 is time only (UBX-NAV-PVT).
+        fix: match fix.fix_type {
+            2 if fix.fix_ok => Fix::TwoD,
+            3 | 4 if fix.fix_ok => Fix::ThreeD,
+            _ => Fix::None,
+        },
+        latitude_e7: fix.latitude_1e7_deg,
+        longitude_e7: fix.longitude_1e7_deg,
+        altitude_msl_mm: fix.height_msl_mm,
+        ground_speed_cm_s: u16::try_from(fix.ground_speed_mm_s / 10).unwrap_or(u16::MAX),
+        course_e2: u16::try_from(fix.heading_1e5_deg / 1_000).unwrap_or(u16::MAX),
+        satellites: fix.satellites,
+        horizontal_accuracy_mm: fix.horizontal_accuracy_mm,
+        vertical_accuracy_mm: fix.vertical_accuracy_mm,
+        // NAV-PVT has only the dilution in all three directions together.
+        ..GpsFix::NONE
+    }
+}

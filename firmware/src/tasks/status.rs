@@ -1,0 +1,113 @@
+//! The status line: once a second, everything that was counted, into the log.
+//!
+//! *Design.* Pairs of `key=value` after the word `status`, so that people and
+//! programs read the same line. What stays 0 for most of a board's life is left
+//! out while it is 0.
+
+use defmt::{Display2Format, Format, Formatter};
+use embassy_time::{Duration, Ticker};
+use utc_clock::{ClockState, Reading};
+
+use crate::drivers::time;
+use crate::shared::{CLOCK, GNSS, GnssReport, MAVLINK, MavlinkReport};
+
+/// Runs for ever, at thread level.
+#[embassy_executor::task]
+pub async fn run() {
+    let mut beat = Ticker::every(Duration::from_secs(1));
+    loop {
+        beat.next().await;
+        log();
+    }
+}
+
+fn log() {
+    let reading = CLOCK.reading_at(time::now());
+    let gnss = GNSS.get();
+    let mavlink = MAVLINK.get();
+    let clock = gnss.map(|report| report.clock).unwrap_or_default();
+    defmt::info!(
+        "status state={} utc={} unc_us={=u32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}",
+        State(reading.state),
+        Utc(reading),
+        reading.uncertainty_ns / 1_000,
+        reading.leap_seconds_known,
+        clock.accepted,
+        clock.refused(),
+        mavlink.map(|report| report.node.pings).unwrap_or_default(),
+        time::lost_ticks(),
+        Clock(clock),
+        gnss.map(Gnss),
+        mavlink.map(Mavlink),
+    );
+}
+
+/// Writes ` name=count` for each field that has counted something.
+macro_rules! nonzero {
+    ($f:ident, $counters:expr, $prefix:literal: $($field:ident),+) => {
+        let counters = $counters;
+        $(if counters.$field != 0 {
+            defmt::write!($f, " {=str}{=str}={=u32}", $prefix, stringify!($field), counters.$field);
+        })+
+    };
+}
+
+/// What became of the marks.
+struct Clock(utc_clock::Counters);
+
+impl Format for Clock {
+    fn format(&self, f: Formatter) {
+        nonzero!(f, self.0, "": steps_forward, steps_back, holdovers);
+        nonzero!(f, self.0, "mark_": date, time, unresolved, unconfirmed, inaccurate, calendar,
+            too_old, leap_second, stamp, duplicate_epoch, epoch_back, outlier);
+    }
+}
+
+/// What came over the receiver's line.
+struct Gnss(GnssReport);
+
+impl Format for Gnss {
+    fn format(&self, f: Formatter) {
+        nonzero!(f, self.0.link, "gps_": bad_checksums, truncated, refused, false_lengths,
+            other_messages, lone_syncs, nmea_starts, foreign_bytes);
+        nonzero!(f, self.0.line, "gps_": overrun, framing, noise, incoming_full, outgoing_full);
+    }
+}
+
+/// What came over the MAVLink line.
+struct Mavlink(MavlinkReport);
+
+impl Format for Mavlink {
+    fn format(&self, f: Formatter) {
+        nonzero!(f, self.0.node, "mav_": timesyncs, commands, answers, for_others);
+        nonzero!(f, self.0.node.framing, "mav_": crc_failures, abandoned, unknown_flags, signed,
+            foreign_bytes);
+        nonzero!(f, self.0.line, "mav_": overrun, framing, noise, incoming_full, outgoing_full);
+    }
+}
+
+/// UTC, once it is known.
+struct Utc(Reading);
+
+impl Format for Utc {
+    fn format(&self, f: Formatter) {
+        match self.0.state {
+            ClockState::Unset => defmt::write!(f, "-"),
+            ClockState::Set | ClockState::Holdover => {
+                defmt::write!(f, "{}", Display2Format(&self.0.utc));
+            }
+        }
+    }
+}
+
+struct State(ClockState);
+
+impl Format for State {
+    fn format(&self, f: Formatter) {
+        match self.0 {
+            ClockState::Unset => defmt::write!(f, "unset"),
+            ClockState::Set => defmt::write!(f, "set"),
+            ClockState::Holdover => defmt::write!(f, "holdover"),
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! What is soldered on a Pixhawk 1, as far as this firmware can tell.
+//!
+//! *Purpose.* The STM32F427 with its crystal and its supply, as `rigless` wants a
+//! board described.
+//!
+//! *Design.* The crystal's error is one number: it moves HSE, so every peripheral,
+//! and the core clock, so SysTick and the DWT counter; and the core retires as many
+//! instructions a second as it has cycles, so that one instruction is one cycle.
+//!
+//! *Limits.* The error is rounded to whole Hz of HSE (41.7 ppb) and stays as it is
+//! for the whole run. No SD card, no FRAM, no sensors: a firmware that talks to one
+//! of them finds nothing there. The core counts at 168 MHz from its first
+//! instruction, also before the firmware has started the PLL.
+
+use std::num::{NonZeroU32, NonZeroU64};
+
+use rigless::cpu;
+use rigless::machine::{Board, Target, armv7m};
+use rigless::mcu::{Mcu, Operate as _};
+use rigless::snapshot::Store;
+use rigless::soc::stm32f427::Stm32f427;
+
+use crate::meter::Meter;
+use crate::wire::Wire;
+
+/// The crystal of the Pixhawk 1 (PX4 `boards/px4/fmu-v2`, `board.h`), in Hz.
+const HSE_HZ: u64 = 24_000_000;
+/// Core cycles a period of the crystal: PLL M = 24, N = 336, P = 2 (there, too).
+const CORE_PER_HSE: u64 = 7;
+/// The regulated supply, in mV.
+const SUPPLY_MV: u32 = 3_300;
+/// Where UART4 (GPS) and USART2 (TELEM1) stand among the part's serial ports.
+pub(crate) const GPS: usize = 6;
+pub(crate) const TELEM1: usize = 1;
+
+/// The board that the emulator runs.
+#[derive(Debug)]
+pub(crate) struct Pixhawk1 {
+    pub(crate) mcu: Stm32f427,
+    hse_hz: u64,
+    meter: Meter,
+}
+
+impl Store for Pixhawk1 {}
+
+impl Pixhawk1 {
+    /// A board whose crystal is `crystal_ppb` off, with what hangs on its serial
+    /// ports.
+    pub(crate) fn new(
+        crystal_ppb: i32,
+        gps: Wire,
+        telem1: Wire,
+        meter: Meter,
+    ) -> anyhow::Result<Self> {
+        let hse_hz = hse_hz(crystal_ppb);
+        let mut mcu = Stm32f427::new()?;
+        mcu.rcc.attach_crystals(hse_hz, 0);
+        mcu.set_supply(SUPPLY_MV);
+        mcu.usart[GPS].attach(gps);
+        mcu.usart[TELEM1].attach(telem1);
+        Ok(Self { mcu, hse_hz, meter })
+    }
+
+    /// What hangs on serial port `nth`, and whether the board listens there, at
+    /// which speed.
+    pub(crate) fn wire(&mut self, nth: usize) -> Option<&mut Wire> {
+        self.mcu.usart[nth].chip_mut::<Wire>()
+    }
+}
+
+/// The crystal's frequency with its error, to the nearest Hz.
+fn hse_hz(crystal_ppb: i32) -> u64 {
+    let error_hz = (f64::from(crystal_ppb) * HSE_HZ as f64 / 1e9).round() as i64;
+    HSE_HZ.saturating_add_signed(error_hz)
+}
+
+impl Board for Pixhawk1 {
+    fn name(&self) -> &'static str {
+        "pixhawk1"
+    }
+
+    fn target_names(&self) -> Vec<&'static str> {
+        vec!["stm32f427"]
+    }
+
+    fn mcu(&mut self, target: usize) -> Option<&mut dyn Mcu> {
+        (target == 0).then_some(&mut self.mcu)
+    }
+
+    fn targets(&mut self) -> Vec<Target<'_>> {
+        let core_hz = NonZeroU64::new(self.hse_hz * CORE_PER_HSE).unwrap_or(NonZeroU64::MIN);
+        let lines = u32::from(self.mcu.cpu().interrupt_lines);
+        let core = armv7m::Core {
+            variant: armv7m::Variant::M4,
+            clock_hz: core_hz,
+            interrupt_lines: NonZeroU32::new(lines).unwrap_or(NonZeroU32::MIN),
+            // PM0214 4.3: sixteen levels.
+            priority_bits: 4,
+            // PM0214 4.5: SysTick's other clock is HCLK / 8.
+            refclk_divider: const { NonZeroU32::new(8).expect("8 is not 0") },
+            instructions_per_second: core_hz,
+            boot: "flash",
+        };
+        let mut spec = core.spec_with_parts(
+            &cpu::armv7m::windows(self.mcu.bus()),
+            armv7m::Fpu::FpV4Sp,
+            armv7m::MpuRegions::Eight,
+        );
+        spec.processor = self.meter.around(spec.processor);
+        vec![Target::new("stm32f427", &mut self.mcu, spec)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_crystals_error_is_rounded_to_a_hertz() {
+        assert_eq!(hse_hz(0), 24_000_000);
+        assert_eq!(hse_hz(40_000), 24_000_960);
+        assert_eq!(hse_hz(-500_000), 23_988_000);
+        assert_eq!(hse_hz(20), 24_000_000);
+        assert_eq!(hse_hz(21), 24_000_001);
+    }
+}

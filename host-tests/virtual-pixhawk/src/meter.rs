@@ -1,0 +1,273 @@
+//! What the core executes, counted instruction by instruction.
+//!
+//! *Purpose.* Interrupts by vector, the instructions that each takes, the
+//! instructions inside calls of named functions, and a profile by address: all of
+//! the very image that is flashed.
+//!
+//! *Design.* `rigless` tells the instructions retired, which is the time that the
+//! core was not asleep, at every stop, but not what they were spent on. It lets a
+//! board wrap its processor, though, and promises that a run is the same however it
+//! is cut. So [`Meter`] wraps it and, while it is on, runs one instruction at a
+//! time. Before each, a stretch of no instructions lets a pending exception be
+//! entered; then the program counter and IPSR say what is executed and on whose
+//! behalf. Activations of exceptions are kept on a stack, and each has its own stack
+//! of watched calls, so that an interrupt in the middle of a function is not charged
+//! to it. Off, the processor runs as if nothing were there.
+//!
+//! *Limits.* One instruction counts one, as everywhere on this board; the about 12
+//! cycles to enter an exception and the 10 to leave it are none, as are wait states.
+//! A function that the compiler has inlined has no address to watch. Metered virtual
+//! time costs about a microsecond of the host's for each instruction.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use rigless::emulator::ProcessorConstructor;
+
+use crate::image::{Firmware, Symbol};
+use crate::stepping::Stepping;
+
+/// How many times something ran, and the instructions that it took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Completed activations or calls.
+    pub times: u64,
+    /// Instructions of all of them together.
+    pub instructions: u64,
+    /// The fewest of one; 0 if there was none.
+    pub least: u64,
+    /// The most of one.
+    pub most: u64,
+}
+
+impl Tally {
+    fn add(&mut self, instructions: u64) {
+        self.least = match self.times {
+            0 => instructions,
+            _ => self.least.min(instructions),
+        };
+        self.most = self.most.max(instructions);
+        self.times += 1;
+        self.instructions += instructions;
+    }
+}
+
+/// What was counted while a meter was on.
+#[derive(Clone, Debug, Default)]
+pub struct Profile {
+    /// Instructions executed, all of them: the time not spent asleep.
+    pub instructions: u64,
+    /// Of these, in no exception.
+    pub in_thread: u64,
+    /// By exception number (15 is SysTick, 16 + n interrupt n): its activations and
+    /// their own instructions, without those of exceptions that preempted them.
+    pub exceptions: BTreeMap<u16, Tally>,
+    /// By the name it was asked for with: its calls and their instructions, with
+    /// those of everything that it called and without those of interrupts.
+    pub functions: BTreeMap<String, Tally>,
+    /// By address: how often the instruction there was executed.
+    pub addresses: BTreeMap<u32, u64>,
+}
+
+impl Profile {
+    /// Instructions executed at addresses inside `place`, without those of what is
+    /// called from there.
+    #[must_use]
+    pub fn inside(&self, place: Symbol) -> u64 {
+        self.addresses
+            .range(place.address..place.address + place.size)
+            .map(|(_, times)| times)
+            .sum()
+    }
+
+    /// The functions of `firmware` with the instructions executed inside each,
+    /// most first.
+    #[must_use]
+    pub fn by_function<'a>(&self, firmware: &'a Firmware) -> Vec<(&'a str, u64)> {
+        let mut functions: Vec<_> = firmware
+            .symbols()
+            .map(|(name, place)| (name, self.inside(place)))
+            .filter(|&(_, instructions)| instructions > 0)
+            .collect();
+        functions.sort_by_key(|&(name, instructions)| (std::cmp::Reverse(instructions), name));
+        functions
+    }
+}
+
+/// A call of a watched function that has not returned.
+#[derive(Clone, Debug)]
+struct Call {
+    function: String,
+    returns_to: u32,
+    sp: u32,
+    since: u64,
+}
+
+/// One activation of an exception, or the thread.
+#[derive(Clone, Debug, Default)]
+struct Activation {
+    exception: u16,
+    /// SP as its first instruction found it.
+    sp: u32,
+    instructions: u64,
+    calls: Vec<Call>,
+}
+
+/// What the core is about to execute.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Moment {
+    pub(crate) pc: u32,
+    pub(crate) ipsr: u16,
+    pub(crate) sp: u32,
+    pub(crate) lr: u32,
+}
+
+/// The state of counting.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Count {
+    on: bool,
+    profile: Profile,
+    entries: BTreeMap<u32, String>,
+    handlers: BTreeMap<u16, u32>,
+    /// The thread, and on it the exceptions that are active; the last one runs.
+    activations: Vec<Activation>,
+}
+
+impl Count {
+    /// Notes that the instruction at `moment` comes next.
+    pub(crate) fn before(&mut self, moment: Moment) {
+        self.follow_exceptions(moment);
+        let Some(running) = self.activations.last_mut() else {
+            return;
+        };
+        while let Some(call) = running
+            .calls
+            .pop_if(|call| call.returns_to == moment.pc && moment.sp >= call.sp)
+        {
+            let spent = running.instructions - call.since;
+            self.profile
+                .functions
+                .entry(call.function)
+                .or_default()
+                .add(spent);
+        }
+        if let Some(function) = self.entries.get(&moment.pc) {
+            running.calls.push(Call {
+                function: function.clone(),
+                returns_to: moment.lr & !1,
+                sp: moment.sp,
+                since: running.instructions,
+            });
+        }
+    }
+
+    /// Brings the activations up to date with IPSR.
+    fn follow_exceptions(&mut self, moment: Moment) {
+        // An EXC_RETURN in LR at a handler's first instruction: it was just entered.
+        let entered = self.handlers.get(&moment.ipsr) == Some(&moment.pc)
+            && moment.lr & 0xffff_ff00 == 0xffff_ff00;
+        if moment.ipsr == 0 {
+            while self.activations.len() > 1 {
+                self.end_activation();
+            }
+            if self.activations.is_empty() {
+                self.activations.push(Activation::default());
+            }
+        } else if entered {
+            // Tail-chained ones find SP where the one before them found it, nested
+            // ones below.
+            while self.activations.len() > 1
+                && self
+                    .activations
+                    .last()
+                    .is_some_and(|last| last.sp <= moment.sp)
+            {
+                self.end_activation();
+            }
+            self.activations.push(Activation {
+                exception: moment.ipsr,
+                sp: moment.sp,
+                ..Activation::default()
+            });
+        } else {
+            while self.activations.len() > 1
+                && self
+                    .activations
+                    .last()
+                    .is_some_and(|last| last.exception != moment.ipsr)
+            {
+                self.end_activation();
+            }
+        }
+    }
+
+    fn end_activation(&mut self) {
+        if let Some(ended) = self.activations.pop() {
+            self.profile
+                .exceptions
+                .entry(ended.exception)
+                .or_default()
+                .add(ended.instructions);
+        }
+    }
+
+    /// Notes that `retired` instructions were executed at `moment`: one, or none if
+    /// it faulted.
+    pub(crate) fn after(&mut self, moment: Moment, retired: u64) {
+        self.profile.instructions += retired;
+        if moment.ipsr == 0 {
+            self.profile.in_thread += retired;
+        }
+        *self.profile.addresses.entry(moment.pc).or_default() += retired;
+        if let Some(running) = self.activations.last_mut() {
+            running.instructions += retired;
+        }
+    }
+
+    pub(crate) const fn is_on(&self) -> bool {
+        self.on
+    }
+}
+
+/// Counts instructions; off until it is started.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Meter(Arc<Mutex<Count>>);
+
+impl Meter {
+    /// `constructor`, whose processor this meter can look at.
+    pub(crate) fn around(&self, constructor: ProcessorConstructor) -> ProcessorConstructor {
+        let meter = self.clone();
+        Arc::new(move |endian| Ok(Box::new(Stepping::new(constructor(endian)?, meter.clone()))))
+    }
+
+    pub(crate) fn count(&self) -> MutexGuard<'_, Count> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Begins to count from nothing, with calls of `functions` watched.
+    pub(crate) fn start(&self, firmware: &Firmware, functions: &[&str]) -> anyhow::Result<()> {
+        let mut entries = BTreeMap::new();
+        for &function in functions {
+            entries.insert(firmware.symbol(function)?.address, function.to_owned());
+        }
+        let handlers = (1..)
+            .map_while(|exception| Some((exception, firmware.vector(exception)? & !1)))
+            .collect();
+        *self.count() = Count {
+            on: true,
+            profile: Profile::default(),
+            entries,
+            handlers,
+            activations: Vec::new(),
+        };
+        Ok(())
+    }
+
+    /// Ends counting. What had not ended by now, like a call that sleeps, is in no
+    /// tally.
+    pub(crate) fn stop(&self) -> Profile {
+        let mut count = self.count();
+        count.on = false;
+        std::mem::take(&mut count.profile)
+    }
+}

@@ -1,0 +1,487 @@
+//! A virtual Pixhawk under power.
+//!
+//! *Purpose.* [`Pixhawk`]: built, powered on, and brought from moment to moment by
+//! whoever holds it.
+//!
+//! *Design.* The emulator runs a board from beginning to end in one call, so the
+//! board has a thread of its own. At the moment it was asked to reach, it waits for
+//! the next order. An order is a function that looks at the stopped board or names
+//! the next moment; nothing happens between orders, so that a run depends on its
+//! script alone.
+//!
+//! The driver also stops where a far end of a line has something to do, and each ms
+//! of true time to read the log. These moments do not depend on the orders.
+//!
+//! *Limits.* A run cannot be taken back. A reset of the part starts the application
+//! through the stand-in for the bootloader again.
+
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+
+use anyhow::{Context as _, anyhow};
+use console::{LogDecoder, LogLine};
+use rigless::emulator::{self, Driver, Host, Settled, Start, Stop};
+use rigless::session::Session;
+use rigless::soc::Width;
+use rigless::soc::stm32f427::generated::usart6::{Register, cr1};
+use rigless::time::VirtualNanos;
+use world::{Sent, Talker, WorldNanos};
+
+use crate::board::{GPS, Pixhawk1, TELEM1};
+use crate::gaps::Gaps;
+use crate::image::Firmware;
+use crate::meter::{Meter, Profile};
+use crate::rtt::Rtt;
+use crate::script::Script;
+use crate::wire::{HeardByte, PortSetting, Wire};
+
+/// How often the log is read, in ns.
+const LOG_EVERY_NS: u64 = 1_000_000;
+
+/// One of the board's connectors with a serial line on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Connector {
+    /// GPS: UART4.
+    Gps,
+    /// TELEM1: USART2, where MAVLink is spoken.
+    Telem1,
+}
+
+impl Connector {
+    const fn port(self) -> usize {
+        match self {
+            Self::Gps => GPS,
+            Self::Telem1 => TELEM1,
+        }
+    }
+}
+
+/// A line of the firmware's log, and when it was read from the board.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Logged {
+    /// The ms of true time at which it was read.
+    pub at: WorldNanos,
+    /// The line.
+    pub line: LogLine,
+}
+
+/// A Pixhawk before it has power.
+pub struct Builder {
+    firmware: Firmware,
+    crystal_ppb: i32,
+    gps: Box<dyn Talker + Send>,
+    telem1: Box<dyn Talker + Send>,
+}
+
+/// What a stopped board can be asked.
+type Order = Box<dyn FnOnce(&mut Stopped<'_>) + Send>;
+
+/// A board that stands still.
+struct Stopped<'a> {
+    session: &'a mut Session<Pixhawk1>,
+    host: &'a mut dyn Host,
+    stop: Stop,
+    log: &'a mut Log,
+    next: Next,
+}
+
+/// What a board does after an order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Next {
+    Wait,
+    RunTo(WorldNanos),
+    End,
+}
+
+/// A virtual Pixhawk 1 that runs an image.
+#[derive(Debug)]
+pub struct Pixhawk {
+    firmware: Firmware,
+    meter: Meter,
+    orders: Option<SyncSender<Order>>,
+    thread: Option<JoinHandle<Result<(), emulator::Error>>>,
+    now: WorldNanos,
+}
+
+impl Builder {
+    /// A board with `firmware` in its flash, a perfect crystal, and nothing on its
+    /// connectors.
+    #[must_use]
+    pub fn new(firmware: Firmware) -> Self {
+        Self {
+            firmware,
+            crystal_ppb: 0,
+            gps: Box::new(Script::default()),
+            telem1: Box::new(Script::default()),
+        }
+    }
+
+    /// Makes the crystal run fast by `ppb` parts in 10⁹; slow, if it is negative. It
+    /// is rounded to whole Hz of its 24 MHz.
+    #[must_use]
+    pub fn crystal_ppb(mut self, ppb: i32) -> Self {
+        self.crystal_ppb = ppb;
+        self
+    }
+
+    /// Puts `receiver` on the GPS connector.
+    #[must_use]
+    pub fn gps(mut self, receiver: impl Talker + Send + 'static) -> Self {
+        self.gps = Box::new(receiver);
+        self
+    }
+
+    /// Puts `station` on TELEM1.
+    #[must_use]
+    pub fn telem1(mut self, station: impl Talker + Send + 'static) -> Self {
+        self.telem1 = Box::new(station);
+        self
+    }
+
+    /// Gives it power. It stands at the world's start, before its first instruction.
+    ///
+    /// # Errors
+    ///
+    /// The image has no log that can be read, or the emulator refuses it.
+    pub fn power_on(self) -> anyhow::Result<Pixhawk> {
+        let Self {
+            firmware,
+            crystal_ppb,
+            gps,
+            telem1,
+        } = self;
+        let meter = Meter::default();
+        let log = Log {
+            rtt: Rtt::new(&firmware)?,
+            decoder: LogDecoder::new(firmware.elf())?,
+            lines: Vec::new(),
+        };
+        let board = Pixhawk1::new(
+            crystal_ppb,
+            Wire::new(gps),
+            Wire::new(telem1),
+            meter.clone(),
+        )?;
+        let images = firmware.flash()?;
+        let session = Session::new(Box::new(board), 0, VirtualNanos(0))?;
+        let (orders, inbox) = sync_channel(0);
+        let operator = Operator {
+            inbox,
+            log,
+            goal: WorldNanos(0),
+        };
+        let thread = std::thread::Builder::new()
+            .name("pixhawk".to_owned())
+            .spawn(move || {
+                let finished = emulator::run(session, &Start::new(&images), operator)?;
+                let mut session = finished.session;
+                session.take_error().map_or(Ok(()), Err)
+            })?;
+        Ok(Pixhawk {
+            firmware,
+            meter,
+            orders: Some(orders),
+            thread: Some(thread),
+            now: WorldNanos(0),
+        })
+    }
+}
+
+impl Pixhawk {
+    /// Runs to `at`; at once back if that has passed.
+    ///
+    /// # Errors
+    ///
+    /// The emulator gave up.
+    pub fn run_to(&mut self, at: WorldNanos) -> anyhow::Result<()> {
+        if at > self.now {
+            self.order(move |stopped| stopped.next = Next::RunTo(at))?;
+            // The next order is taken only when the board has come there.
+            self.order(|_| ())?;
+            self.now = at;
+        }
+        Ok(())
+    }
+
+    /// Runs for `ns` more.
+    ///
+    /// # Errors
+    ///
+    /// As for [`Pixhawk::run_to`].
+    pub fn run_for(&mut self, ns: u64) -> anyhow::Result<()> {
+        self.run_to(self.now.plus(ns))
+    }
+
+    /// The moment at which it stands.
+    #[must_use]
+    pub const fn now(&self) -> WorldNanos {
+        self.now
+    }
+
+    /// The image that it runs.
+    #[must_use]
+    pub const fn firmware(&self) -> &Firmware {
+        &self.firmware
+    }
+
+    /// Instructions executed since it has power: the cycles that it was not asleep.
+    ///
+    /// # Errors
+    ///
+    /// The emulator gave up.
+    pub fn instructions(&mut self) -> anyhow::Result<u64> {
+        self.order(|stopped| stopped.stop.instruction_count)
+    }
+
+    /// The lines of the log since the last call.
+    ///
+    /// # Errors
+    ///
+    /// The emulator gave up.
+    pub fn take_log(&mut self) -> anyhow::Result<Vec<Logged>> {
+        self.order(|stopped| std::mem::take(&mut stopped.log.lines))
+    }
+
+    /// Frames of the log that could not be decoded.
+    ///
+    /// # Errors
+    ///
+    /// The emulator gave up.
+    pub fn damaged_log_frames(&mut self) -> anyhow::Result<u64> {
+        self.order(|stopped| stopped.log.decoder.damaged())
+    }
+
+    /// The bytes of the static that the image calls `name`, as they are now.
+    ///
+    /// # Errors
+    ///
+    /// There is no such static, or the emulator gave up.
+    pub fn read(&mut self, name: &str) -> anyhow::Result<Vec<u8>> {
+        let place = self.firmware.symbol(name)?;
+        let addresses = place.address..place.address + place.size;
+        self.order(move |stopped| {
+            addresses
+                .map(|address| stopped.host.read(address.into(), Width::W8))
+                .map(|byte| byte.map(|byte| byte as u8))
+                .collect::<Result<Vec<_>, _>>()
+        })?
+        .with_context(|| format!("reading {name}"))
+    }
+
+    /// What the board has sent on `connector` since the last call.
+    ///
+    /// # Errors
+    ///
+    /// The emulator gave up.
+    pub fn take_heard(&mut self, connector: Connector) -> anyhow::Result<Vec<HeardByte>> {
+        self.wire(connector, Wire::take_heard)
+    }
+
+    /// Every NAV-PVT that has left for the board, as its receiver knows it.
+    ///
+    /// # Errors
+    ///
+    /// The emulator gave up.
+    pub fn truth(&mut self) -> anyhow::Result<Vec<Sent>> {
+        self.wire(Connector::Gps, |wire| wire.truth())
+    }
+
+    /// Where the firmware went beyond the emulator's models.
+    ///
+    /// # Errors
+    ///
+    /// The emulator gave up.
+    pub fn gaps(&mut self) -> anyhow::Result<Gaps> {
+        self.order(|stopped| Gaps::of(stopped.session))
+    }
+
+    /// From now on counts what is executed, with calls of `functions` watched; see
+    /// [`Firmware::symbol`] for their names.
+    ///
+    /// # Errors
+    ///
+    /// A function has no symbol in the image.
+    pub fn start_meter(&mut self, functions: &[&str]) -> anyhow::Result<()> {
+        self.meter.start(&self.firmware, functions)
+    }
+
+    /// Ends counting.
+    pub fn stop_meter(&mut self) -> Profile {
+        self.meter.stop()
+    }
+
+    fn wire<T: Send + 'static>(
+        &mut self,
+        connector: Connector,
+        ask: impl FnOnce(&mut Wire) -> T + Send + 'static,
+    ) -> anyhow::Result<T> {
+        self.order(move |stopped| stopped.session.board_mut().wire(connector.port()).map(ask))?
+            .context("nothing hangs on that connector")
+    }
+
+    /// Has the stopped board do `ask`, and waits for its answer.
+    fn order<T: Send + 'static>(
+        &mut self,
+        ask: impl FnOnce(&mut Stopped<'_>) -> T + Send + 'static,
+    ) -> anyhow::Result<T> {
+        let (answer, answered) = sync_channel(1);
+        let order: Order = Box::new(move |stopped| {
+            // Nobody waits for the answer of an order whose board has ended.
+            let _ = answer.send(ask(stopped));
+        });
+        let sent = self.orders.as_ref().map(|orders| orders.send(order));
+        match (sent, answered.recv()) {
+            (Some(Ok(())), Ok(answer)) => Ok(answer),
+            _ => Err(self.why_it_ended()),
+        }
+    }
+
+    fn why_it_ended(&mut self) -> anyhow::Error {
+        self.orders = None;
+        match self.thread.take().map(JoinHandle::join) {
+            Some(Ok(Err(error))) => anyhow!(error).context("the emulator gave up"),
+            Some(Err(_)) => anyhow!("the emulator panicked"),
+            Some(Ok(Ok(()))) | None => anyhow!("the board has no power any more"),
+        }
+    }
+}
+
+impl Drop for Pixhawk {
+    fn drop(&mut self) {
+        let end: Order = Box::new(|stopped| stopped.next = Next::End);
+        if let Some(orders) = self.orders.take() {
+            // A board that has ended by itself takes no order and needs none.
+            let _ = orders.send(end);
+        }
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The log as far as it has been read.
+#[derive(Debug)]
+struct Log {
+    rtt: Rtt,
+    decoder: LogDecoder,
+    lines: Vec<Logged>,
+}
+
+impl Log {
+    fn read(&mut self, now: WorldNanos, host: &mut dyn Host) {
+        // Memory that cannot be read has no log in it.
+        let bytes = self.rtt.take(host).unwrap_or_default();
+        let lines = self.decoder.push(&bytes).into_iter();
+        self.lines
+            .extend(lines.map(|line| Logged { at: now, line }));
+    }
+}
+
+/// Drives the run: stops where the world needs it, and takes orders.
+struct Operator {
+    inbox: Receiver<Order>,
+    log: Log,
+    goal: WorldNanos,
+}
+
+impl Operator {
+    /// Brings both far ends to `now`; whether a port has to be asked again.
+    fn prepare_wires(session: &mut Session<Pixhawk1>, now: WorldNanos) -> bool {
+        let mut ask_now = false;
+        for nth in [GPS, TELEM1] {
+            let board = session.board_mut();
+            let (rcc, registers) = board.mcu.clocks();
+            let clock_hz = rcc.pclk1(registers);
+            let (port, registers) = board.mcu.serial_port(nth);
+            let setting = port_setting(
+                clock_hz,
+                registers.get(Register::Brr),
+                registers.get(Register::Cr1),
+            );
+            let Some(wire) = port.chip_mut::<Wire>() else {
+                continue;
+            };
+            let prepared = wire.prepare(now, setting);
+            ask_now |= prepared.ask_now;
+            let errors = &mut port.errors_mut().framing;
+            errors.per_million = if prepared.framing { 1_000_000 } else { 0 };
+        }
+        ask_now
+    }
+
+    /// The next moment after `now` at which the world needs the run to stop.
+    fn next_stop(session: &mut Session<Pixhawk1>, now: WorldNanos) -> Option<WorldNanos> {
+        [GPS, TELEM1]
+            .into_iter()
+            .filter_map(|nth| session.board_mut().wire(nth)?.next_stop(now))
+            .min()
+    }
+}
+
+/// How a port is set up: its speed (RM0090 30.3.4, 16 samples a bit) and whether UE
+/// and RE are set.
+fn port_setting(clock_hz: u64, brr: u64, cr1: u64) -> PortSetting {
+    let baud = clock_hz.checked_div(brr).unwrap_or(0);
+    PortSetting {
+        baud: u32::try_from(baud).unwrap_or(0),
+        listening: cr1::UE.is_set(cr1) && cr1::RE.is_set(cr1),
+    }
+}
+
+impl Driver<Pixhawk1> for Operator {
+    fn on_settled(
+        &mut self,
+        session: &mut Session<Pixhawk1>,
+        _host: &mut dyn Host,
+        settled: Settled,
+    ) {
+        let Settled::Stop(stop) = settled else {
+            return;
+        };
+        let now = WorldNanos(stop.at.0);
+        let next = if Self::prepare_wires(session, now) {
+            Some(now)
+        } else {
+            Self::next_stop(session, now)
+        };
+        // To be asked to reach this very moment has the ports look once more.
+        if let Some(next) = next
+            && next.0 < session.until().0
+        {
+            session.run_until(VirtualNanos(next.0));
+        }
+    }
+
+    fn on_stop(
+        &mut self,
+        session: &mut Session<Pixhawk1>,
+        stop: Stop,
+        host: &mut dyn Host,
+    ) -> Option<VirtualNanos> {
+        let now = WorldNanos(stop.at.0);
+        if now.0.is_multiple_of(LOG_EVERY_NS) {
+            self.log.read(now, host);
+        }
+        while now >= self.goal {
+            // A holder that is gone takes the board's power with it.
+            let order = self.inbox.recv().ok()?;
+            let mut stopped = Stopped {
+                session,
+                host,
+                stop,
+                log: &mut self.log,
+                next: Next::Wait,
+            };
+            order(&mut stopped);
+            match stopped.next {
+                Next::Wait => {}
+                Next::RunTo(goal) => self.goal = goal,
+                Next::End => return None,
+            }
+        }
+        let next_log = WorldNanos((now.0 / LOG_EVERY_NS + 1) * LOG_EVERY_NS);
+        let next = Self::next_stop(session, now).into_iter();
+        let next = next.chain([next_log, self.goal]).min()?;
+        Some(VirtualNanos(next.0))
+    }
+}

@@ -1,0 +1,217 @@
+//! The processor with a meter around it.
+//!
+//! *Purpose.* [`Stepping`] is the processor that the board's machine module made,
+//! run one instruction at a time while its [`Meter`] is on.
+//!
+//! *Design.* Everything is handed through, and nothing is changed on the way but
+//! the length of a stretch: [`Processor`] promises the same run however it is cut.
+//! The bus has to be wrapped as well, because it may let the processor go on past
+//! its budget after an access.
+//!
+//! *Limits.* GDB is not served on this board, so what only a debugger needs is
+//! left at the trait's defaults.
+
+use rigless::emulator::{
+    Access, Checked, CoreBus, DataModel, Error, Exit, HostCall, InterruptLine, Processor, Queued,
+};
+use rigless::soc::{Endian, Width};
+use rigless::time::VirtualNanos;
+
+use crate::meter::{Meter, Moment};
+
+/// The numbers under which the processor shows its registers (GDB's, for Cortex-M).
+const SP: usize = 13;
+const LR: usize = 14;
+const XPSR: usize = 16;
+/// The bits of xPSR that name the exception that is active.
+const IPSR: u32 = 0x1ff;
+
+#[derive(Debug)]
+pub(crate) struct Stepping {
+    inner: Box<dyn Processor>,
+    meter: Meter,
+}
+
+impl Stepping {
+    pub(crate) fn new(inner: Box<dyn Processor>, meter: Meter) -> Self {
+        Self { inner, meter }
+    }
+
+    fn register(&self, number: usize) -> u32 {
+        let bytes = self.inner.gdb_register(number).unwrap_or_default();
+        bytes.first_chunk().copied().map_or(0, u32::from_le_bytes)
+    }
+
+    fn moment(&self) -> Moment {
+        Moment {
+            // The part's addresses are 32 bits wide.
+            pc: self.inner.pc() as u32,
+            ipsr: (self.register(XPSR) & IPSR) as u16,
+            sp: self.register(SP),
+            lr: self.register(LR),
+        }
+    }
+}
+
+impl Processor for Stepping {
+    fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        let meter = self.meter.clone();
+        let mut count = meter.count();
+        if !count.is_on() {
+            drop(count);
+            return self.inner.run(budget, bus);
+        }
+        let mut bus = OneAtATime(bus);
+        let mut retired = 0;
+        while retired < u64::from(budget) {
+            let (exit, _) = self.inner.run(0, &mut bus);
+            if exit != Exit::Budget {
+                return (exit, retired);
+            }
+            let moment = self.moment();
+            count.before(moment);
+            let (exit, one) = self.inner.run(1, &mut bus);
+            count.after(moment, one);
+            retired += one;
+            if exit != Exit::Budget {
+                return (exit, retired);
+            }
+        }
+        (Exit::Budget, retired)
+    }
+
+    fn retired(&self) -> u64 {
+        self.inner.retired()
+    }
+
+    fn ask(&mut self, queued: Queued) {
+        self.inner.ask(queued);
+    }
+
+    fn maps(&self, start: u64, length: u64) -> bool {
+        self.inner.maps(start, length)
+    }
+
+    fn page_size(&self) -> u64 {
+        self.inner.page_size()
+    }
+
+    unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
+        // SAFETY: the caller's promise is handed on as it is, and `inner` is dropped
+        // with `self`.
+        unsafe { self.inner.map(start, length, host, writable) };
+    }
+
+    fn boot(&mut self, table: u64, read: &dyn Fn(u64, Width) -> Option<u64>) {
+        self.inner.boot(table, read);
+    }
+
+    fn reset(&mut self) {
+        self.inner.reset();
+    }
+
+    fn take_reset_request(&mut self) -> bool {
+        self.inner.take_reset_request()
+    }
+
+    fn next_event(&self) -> Option<VirtualNanos> {
+        self.inner.next_event()
+    }
+
+    fn on_event(&mut self, now: VirtualNanos) {
+        self.inner.on_event(now);
+    }
+
+    fn waiting(&self) -> bool {
+        self.inner.waiting()
+    }
+
+    fn pc(&self) -> u64 {
+        self.inner.pc()
+    }
+
+    fn add_breakpoint(&mut self, address: u64) -> bool {
+        self.inner.add_breakpoint(address)
+    }
+
+    fn remove_breakpoint(&mut self, address: u64) {
+        self.inner.remove_breakpoint(address);
+    }
+
+    fn pass_breakpoint(&mut self, address: u64) {
+        self.inner.pass_breakpoint(address);
+    }
+
+    fn gdb_register(&self, number: usize) -> Option<Vec<u8>> {
+        self.inner.gdb_register(number)
+    }
+
+    fn data_model(&self) -> DataModel {
+        self.inner.data_model()
+    }
+
+    fn byte_order(&self, address: u64) -> Endian {
+        self.inner.byte_order(address)
+    }
+
+    fn save(&self) -> Vec<u8> {
+        self.inner.save()
+    }
+
+    fn load(&mut self, bytes: &[u8]) -> Result<(), Error> {
+        self.inner.load(bytes)
+    }
+
+    fn check_reads(&mut self, every: bool) {
+        self.inner.check_reads(every);
+    }
+
+    fn check_words(&mut self, words: &[u64]) {
+        self.inner.check_words(words);
+    }
+
+    fn host_call(&self, read: &mut dyn FnMut(u64, Width) -> Option<u64>) -> Option<HostCall> {
+        self.inner.host_call(read)
+    }
+
+    fn answer_host_call(&mut self, answer: Option<u64>) {
+        self.inner.answer_host_call(answer);
+    }
+}
+
+/// The run's bus, which never lets the processor go on past its budget.
+struct OneAtATime<'a>(&'a mut dyn CoreBus);
+
+impl CoreBus for OneAtATime<'_> {
+    fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
+        self.0.access(access, from_code)
+    }
+
+    fn time(&self, instructions: u64) -> VirtualNanos {
+        self.0.time(instructions)
+    }
+
+    fn queued(&mut self) -> Vec<Queued> {
+        self.0.queued()
+    }
+
+    fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64> {
+        self.0.acknowledge(line, instructions)
+    }
+
+    fn read_checked(&mut self, access: Access, report: bool) -> Option<Checked> {
+        self.0.read_checked(access, report)
+    }
+
+    fn write_checked(&mut self, access: Access) -> Option<bool> {
+        self.0.write_checked(access)
+    }
+
+    fn stops_before(&mut self, access: &Access) -> bool {
+        self.0.stops_before(access)
+    }
+
+    fn send_trace(&mut self, bytes: &[u8]) {
+        self.0.send_trace(bytes);
+    }
+}

@@ -1,0 +1,135 @@
+//! A serial line that programs on this host can talk to.
+//!
+//! *Purpose.* The far end of the board's MAVLink port as a TCP server on the
+//! loopback interface, for ground stations and for `xtask ping`.
+//!
+//! *Design.* Any number of clients at once: each hears everything, as on a radio,
+//! and what they send is put on the line in the order in which it is found. The
+//! sockets are looked at once a ms of true time, for both ways, and never waited
+//! for. The line goes at the speed at which the board talks.
+//!
+//! *Limits.* Two clients that send at the same time can have their frames cut into
+//! each other where a frame comes in two reads. A client that does not read is cut
+//! off when its socket is full.
+
+use std::io::{ErrorKind, Read as _, Write as _};
+use std::net::{Ipv4Addr, TcpListener, TcpStream};
+
+use anyhow::Context as _;
+use world::{Sent, Talker, Transmission, WorldNanos};
+
+const LOOK_EVERY_NS: u64 = 1_000_000;
+const CHUNK: usize = 4_096;
+/// The speed of the line until the board has said something: that of TELEM1 on PX4.
+const FIRST_BAUD: u32 = 57_600;
+
+/// A TCP server as the far end of a line.
+#[derive(Debug)]
+pub struct TcpLine {
+    listener: TcpListener,
+    clients: Vec<TcpStream>,
+    /// What the board has said since the last look.
+    said: Vec<u8>,
+    baud: u32,
+    next_look: WorldNanos,
+    line_free: WorldNanos,
+}
+
+impl TcpLine {
+    /// Listens on `port` of 127.0.0.1.
+    ///
+    /// # Errors
+    ///
+    /// The port cannot be had.
+    pub fn listen(port: u16) -> anyhow::Result<Self> {
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))
+            .with_context(|| format!("listening on tcp:127.0.0.1:{port}"))?;
+        listener.set_nonblocking(true)?;
+        Ok(Self {
+            listener,
+            clients: Vec::new(),
+            said: Vec::new(),
+            baud: FIRST_BAUD,
+            next_look: WorldNanos(0),
+            line_free: WorldNanos(0),
+        })
+    }
+
+    /// The port that it listens on.
+    ///
+    /// # Errors
+    ///
+    /// The system does not say.
+    pub fn port(&self) -> anyhow::Result<u16> {
+        Ok(self.listener.local_addr()?.port())
+    }
+
+    fn welcome(&mut self) {
+        while let Ok((client, _)) = self.listener.accept() {
+            // Without these a socket could stop the run, or delay an answer.
+            if client.set_nonblocking(true).is_ok() && client.set_nodelay(true).is_ok() {
+                self.clients.push(client);
+            }
+        }
+    }
+
+    fn write(&mut self) {
+        let said = std::mem::take(&mut self.said);
+        if !said.is_empty() {
+            self.clients
+                .retain_mut(|client| client.write_all(&said).is_ok());
+        }
+    }
+
+    fn read(&mut self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut chunk = [0; CHUNK];
+        self.clients
+            .retain_mut(|client| match client.read(&mut chunk) {
+                Ok(0) => false,
+                Ok(count) => {
+                    bytes.extend(&chunk[..count]);
+                    true
+                }
+                Err(error) => {
+                    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted)
+                }
+            });
+        bytes
+    }
+}
+
+impl Talker for TcpLine {
+    fn next_event(&self) -> Option<WorldNanos> {
+        Some(self.next_look)
+    }
+
+    fn poll(&mut self, now: WorldNanos) -> Option<Transmission> {
+        if now < self.next_look {
+            return None;
+        }
+        self.next_look = now.plus(LOOK_EVERY_NS);
+        self.welcome();
+        self.write();
+        let bytes = self.read();
+        if bytes.is_empty() {
+            return None;
+        }
+        let transmission = Transmission {
+            start: now.max(self.line_free),
+            bytes,
+            baud: self.baud,
+        };
+        self.line_free = transmission.end();
+        Some(transmission)
+    }
+
+    fn hear(&mut self, _: WorldNanos, baud: u32, bytes: &[u8]) {
+        self.baud = baud;
+        self.said.extend(bytes);
+    }
+
+    fn truth(&self) -> &[Sent] {
+        &[]
+    }
+}

@@ -114,10 +114,11 @@ impl Client {
 
     /// Takes a byte.
     pub fn receive(&mut self, byte: StampedByte) -> Option<Heard> {
-        if !self.framer.push(byte) {
+        let due = self.framer.push(byte);
+        if due.is_nothing() {
             return None;
         }
-        let frame = self.framer.examine()?;
+        let frame = self.framer.examine(due)?;
         let what = match u32::from(frame.id) {
             HEARTBEAT_DATA::ID => What::Heartbeat,
             SYSTEM_TIME_DATA::ID => {

@@ -22,7 +22,7 @@ use mavlink::dialects::common::{
 use timebase::{Cycles, StampedByte};
 
 use crate::frame::{Address, Frame, Sender, Version};
-use crate::framer::{Delimited, Framer, FramingCounters, Kind, Wanted};
+use crate::framer::{Delimited, Due, Framer, FramingCounters, Kind, Wanted};
 use crate::ping::Ping;
 
 /// How a node behaves.
@@ -213,14 +213,7 @@ impl Node {
                 commands: 0,
                 answers: 0,
                 for_others: 0,
-                framing: FramingCounters {
-                    frames: 0,
-                    foreign_bytes: 0,
-                    crc_failures: 0,
-                    abandoned: 0,
-                    unknown_flags: 0,
-                    signed: 0,
-                },
+                framing: FramingCounters::ZERO,
             },
         }
     }
@@ -239,17 +232,18 @@ impl Node {
     /// may be dropped.
     #[inline]
     pub fn receive(&mut self, byte: StampedByte, now: Cycles) -> Option<Request> {
-        if self.framer.push(byte) {
-            self.examine(now)
-        } else {
+        let due = self.framer.push(byte);
+        if due.is_nothing() {
             None
+        } else {
+            self.examine(due, now)
         }
     }
 
     /// Off the path of the bytes at which nothing can end.
     #[inline(never)]
-    fn examine(&mut self, now: Cycles) -> Option<Request> {
-        let frame = self.framer.examine()?;
+    fn examine(&mut self, due: Due, now: Cycles) -> Option<Request> {
+        let frame = self.framer.examine(due)?;
         if frame.version == Version::V2 {
             self.version = Version::V2;
         }

@@ -172,33 +172,49 @@ fn is_alarm_due(anchor: Stamp) -> bool {
 /// Wakes what is due and sets the next alarm; PendSV calls it.
 pub fn on_alarm() {
     critical_section::with(|token| {
-        let next = DRIVER
-            .queue
-            .borrow_ref_mut(token)
-            .next_expiration(DRIVER.now());
-        set_alarm(next);
+        let mut timers = DRIVER.timers.borrow_ref_mut(token);
+        if now() >= timers.due {
+            timers.look_through();
+        }
+        set_alarm(timers.due);
     });
 }
 
-/// Sets the alarm to `next_us`, or to the next millisecond's service.
-fn set_alarm(next_us: u64) {
+/// Sets the alarm to when the first timer is `due`, or to the next ms.
+fn set_alarm(due: Cycles) {
     let anchor = Registers.load(Word::AnchorLow);
-    let from_now = Cycles::from_micros(next_us).since(now());
-    let service = anchor.wrapping_add(SERVICE);
-    let alarm = if from_now < i64::from(SERVICE) {
-        Cycles::from_micros(next_us).stamp().0
+    let until_due = due.since(now());
+    let alarm = if until_due < i64::from(SERVICE) {
+        due.stamp().0
     } else {
-        service
+        anchor.wrapping_add(SERVICE)
     };
     ALARM.store(alarm, Relaxed);
 }
 
 struct TimeDriver {
-    queue: Mutex<RefCell<Queue>>,
+    timers: Mutex<RefCell<Timers>>,
+}
+
+struct Timers {
+    queue: Queue,
+    /// Nothing in the queue is due before.
+    due: Cycles,
+}
+
+impl Timers {
+    /// Wakes what is due, and finds out when the next one is.
+    fn look_through(&mut self) {
+        let next_us = self.queue.next_expiration(DRIVER.now());
+        self.due = Cycles::from_micros(next_us);
+    }
 }
 
 embassy_time_driver::time_driver_impl!(static DRIVER: TimeDriver = TimeDriver {
-    queue: Mutex::new(RefCell::new(Queue::new())),
+    timers: Mutex::new(RefCell::new(Timers {
+        queue: Queue::new(),
+        due: Cycles(u64::MAX),
+    })),
 });
 
 impl Driver for TimeDriver {
@@ -212,9 +228,10 @@ impl Driver for TimeDriver {
 
     fn schedule_wake(&self, at: u64, waker: &Waker) {
         critical_section::with(|token| {
-            let mut queue = self.queue.borrow_ref_mut(token);
-            if queue.schedule_wake(at, waker) {
-                set_alarm(queue.next_expiration(self.now()));
+            let mut timers = self.timers.borrow_ref_mut(token);
+            if timers.queue.schedule_wake(at, waker) {
+                timers.look_through();
+                set_alarm(timers.due);
             }
         });
     }

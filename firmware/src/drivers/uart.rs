@@ -187,9 +187,9 @@ impl Line {
     /// Wakes the reading task when bytes wait for it.
     #[inline]
     pub fn wake_reader(&self) {
-        // SAFETY: only the fill level is read, which is atomic; the handler
-        // preempts us, but never holds a reference across an interrupt.
-        if unsafe { (*self.incoming.get()).len() } > 0 {
+        // SAFETY: only the ring's two atomic indices are read; the handler may
+        // preempt us, but is over when we go on.
+        if unsafe { !(*self.incoming.get()).is_empty() } {
             self.reader.wake();
         }
     }

@@ -37,8 +37,8 @@ fn log() {
         mavlink.map(|report| report.node.pings).unwrap_or_default(),
         time::lost_ticks(),
         Clock(clock),
-        gnss.map(Gnss),
-        mavlink.map(Mavlink),
+        Gnss(gnss),
+        Mavlink(mavlink),
     );
 }
 
@@ -64,25 +64,27 @@ impl Format for Clock {
 }
 
 /// What came over the receiver's line.
-struct Gnss(GnssReport);
+struct Gnss(Option<GnssReport>);
 
 impl Format for Gnss {
     fn format(&self, f: Formatter) {
-        nonzero!(f, self.0.link, "gps_": bad_checksums, truncated, refused, false_lengths,
+        let Some(report) = self.0 else { return };
+        nonzero!(f, report.link, "gps_": bad_checksums, truncated, refused, false_lengths,
             other_messages, lone_syncs, nmea_starts, foreign_bytes);
-        nonzero!(f, self.0.line, "gps_": overrun, framing, noise, incoming_full, outgoing_full);
+        nonzero!(f, report.line, "gps_": overrun, framing, noise, incoming_full, outgoing_full);
     }
 }
 
 /// What came over the MAVLink line.
-struct Mavlink(MavlinkReport);
+struct Mavlink(Option<MavlinkReport>);
 
 impl Format for Mavlink {
     fn format(&self, f: Formatter) {
-        nonzero!(f, self.0.node, "mav_": timesyncs, commands, answers, for_others);
-        nonzero!(f, self.0.node.framing, "mav_": crc_failures, abandoned, unknown_flags, signed,
+        let Some(report) = self.0 else { return };
+        nonzero!(f, report.node, "mav_": timesyncs, commands, answers, for_others);
+        nonzero!(f, report.node.framing, "mav_": crc_failures, abandoned, unknown_flags, signed,
             foreign_bytes);
-        nonzero!(f, self.0.line, "mav_": overrun, framing, noise, incoming_full, outgoing_full);
+        nonzero!(f, report.line, "mav_": overrun, framing, noise, incoming_full, outgoing_full);
     }
 }
 

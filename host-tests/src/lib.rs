@@ -1,1 +1,3 @@
 //! Scenarios, replays of recordings, exhaustive and property tests of the firmware's logic.
+
+pub mod clock_board;

@@ -211,7 +211,8 @@ impl UtcClock {
     /// The epoch of a mark that is in itself and in its row worth hearing.
     fn admit(&mut self, mark: &TimeMark, now: Cycles) -> Result<UtcNanos, Refusal> {
         let epoch = self.gate.judge(mark)?;
-        if now.since(mark.arrival).cast_unsigned() > MAX_AGE {
+        let age = now.0.checked_sub(mark.arrival.0);
+        if age.is_none_or(|age| age > MAX_AGE) {
             return Err(Refusal::Stamp);
         }
         let before = core::mem::replace(&mut self.last_epoch, epoch);

@@ -34,11 +34,11 @@ pub const FRAME_NS: i64 = 8_700_000;
 const TIMER_LATE: u64 = 10_000;
 
 /// A board and the world's time.
-pub struct Board {
+pub struct Board<'a> {
     /// What the firmware's task owns.
-    pub clock: UtcClock,
+    pub clock: UtcClock<'a>,
     /// What its readers see.
-    pub line: Published,
+    pub line: &'a Published,
     /// ns since the start, true time.
     pub now_ns: i64,
     /// How much faster than it should the crystal runs.
@@ -51,12 +51,12 @@ pub struct Board {
     steps: Vec<Cycles>,
 }
 
-impl Board {
+impl<'a> Board<'a> {
     /// A board that starts now.
-    pub fn new(settings: Settings, crystal_ppb: i64) -> Self {
+    pub fn new(settings: Settings, crystal_ppb: i64, line: &'a Published) -> Self {
         Self {
-            clock: UtcClock::new(settings),
-            line: Published::new(),
+            clock: UtcClock::new(settings, line),
+            line,
             now_ns: 0,
             crystal_ppb,
             read_every_ns: 10 * MS,
@@ -92,7 +92,6 @@ impl Board {
                     break;
                 }
                 self.clock.handle_timeout(due);
-                self.publish();
             }
             self.read();
         }
@@ -117,14 +116,7 @@ impl Board {
         if matches!(outcome, Outcome::Set | Outcome::Stepped { .. }) {
             self.steps.push(self.clock.model().at());
         }
-        self.publish();
         outcome
-    }
-
-    fn publish(&mut self) {
-        if let Some(model) = self.clock.poll_model() {
-            self.line.publish(&model);
-        }
     }
 
     /// Reads the clock, and referees.

@@ -8,7 +8,7 @@
 use host_tests::clock_board::{Board, FRAME_NS, MS, SECOND, START, mark};
 use proptest::prelude::*;
 use timebase::{CORE_HZ, CivilTime, Cycles, TimeMark, Validity};
-use utc_clock::{Settings, UtcClock, UtcNanos};
+use utc_clock::{Published, Settings, UtcClock, UtcNanos};
 
 #[derive(Clone, Debug)]
 enum Event {
@@ -91,7 +91,8 @@ proptest! {
         events in prop::collection::vec(event(), 1..120),
         crystal_ppb in -2_000_000..2_000_000_i64,
     ) {
-        let mut board = Board::new(Settings::DEFAULT, crystal_ppb);
+        let line = Published::new();
+        let mut board = Board::new(Settings::DEFAULT, crystal_ppb, &line);
         board.read_every_ns = 7 * MS;
         for event in events {
             let heard = match event {
@@ -124,7 +125,8 @@ proptest! {
         marks in prop::collection::vec((any_mark(), any::<u64>()), 1..200),
     ) {
         // Not even with a clock that jumps.
-        let mut clock = UtcClock::new(Settings::DEFAULT);
+        let line = Published::new();
+        let mut clock = UtcClock::new(Settings::DEFAULT, &line);
         for (mark, now) in marks {
             clock.handle_mark(&mark, Cycles(now));
             clock.handle_timeout(Cycles(now));
@@ -139,7 +141,8 @@ proptest! {
     fn a_mark_that_is_late_drags_it_no_farther_than_the_slew_limit(
         late_ms in proptest::collection::vec(0..450_i64, 1..50),
     ) {
-        let mut board = Board::new(Settings::DEFAULT, 0);
+        let line = Published::new();
+        let mut board = Board::new(Settings::DEFAULT, 0, &line);
         board.hear(START, 0);
         board.pass_lead();
         for (number, late) in (1..).zip(late_ms) {

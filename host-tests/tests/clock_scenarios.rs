@@ -10,7 +10,7 @@ use host_tests::clock_board::{Board, MS, SECOND, START, leap_second, mark};
 use timebase::{CivilTime, TimeMark};
 use utc_clock::gate::EARLIEST;
 use utc_clock::{
-    CalendarError, ClockState, Counters, Outcome, Refusal, Settings, UtcNanos, calendar,
+    CalendarError, ClockState, Counters, Outcome, Published, Refusal, Settings, UtcNanos, calendar,
 };
 
 const PERIOD: i64 = 200 * MS;
@@ -54,8 +54,8 @@ fn marks(board: &mut Board, latency: &mut Latency, numbers: std::ops::Range<i64>
 }
 
 /// A board that has followed a steady receiver for a while, by mark number 50.
-fn settled(crystal_ppb: i64) -> Board {
-    let mut board = Board::new(Settings::DEFAULT, crystal_ppb);
+fn settled(line: &Published, crystal_ppb: i64) -> Board<'_> {
+    let mut board = Board::new(Settings::DEFAULT, crystal_ppb, line);
     for number in 1..50 {
         board.hear(epoch(number), number * PERIOD + FLOOR);
     }
@@ -64,7 +64,8 @@ fn settled(crystal_ppb: i64) -> Board {
 
 #[test]
 fn it_tells_the_time_since_boot_until_the_first_good_mark_sets_it() {
-    let mut board = Board::new(Settings::DEFAULT, 0);
+    let line = Published::new();
+    let mut board = Board::new(Settings::DEFAULT, 0, &line);
     board.pass_until(25 * SECOND);
     let unset = board.read();
     assert_eq!(unset.state, ClockState::Unset);
@@ -95,7 +96,8 @@ fn a_known_latency_is_taken_off() {
         latency_doubt_ns: 5_000_000,
         ..Settings::DEFAULT
     };
-    let mut board = Board::new(settings, 0);
+    let line = Published::new();
+    let mut board = Board::new(settings, 0, &line);
     board.hear(epoch(1), PERIOD + FLOOR);
     board.pass_lead();
     assert!(board.error_ns().abs() <= 10);
@@ -106,7 +108,8 @@ fn a_known_latency_is_taken_off() {
 fn it_follows_an_m8_within_the_receivers_own_lateness() {
     for seed in 0..5 {
         for crystal_ppb in [-50_000, 0, 44_000] {
-            let mut board = Board::new(Settings::DEFAULT, crystal_ppb);
+            let line = Published::new();
+            let mut board = Board::new(Settings::DEFAULT, crystal_ppb, &line);
             marks(&mut board, &mut Latency::new(seed), 1..3_000);
             let counters = board.clock.counters();
             assert_eq!((counters.sets, counters.accepted), (1, 2_999));
@@ -129,7 +132,8 @@ fn it_follows_an_m8_within_the_receivers_own_lateness() {
 
 #[test]
 fn a_late_first_mark_is_worked_off_at_500_ppm() {
-    let mut board = Board::new(Settings::DEFAULT, 0);
+    let line = Published::new();
+    let mut board = Board::new(Settings::DEFAULT, 0, &line);
     let late = 100 * MS;
     board.hear(epoch(1), PERIOD + FLOOR + late);
     let set_at = board.now_ns;
@@ -153,7 +157,8 @@ fn a_late_first_mark_is_worked_off_at_500_ppm() {
 
 #[test]
 fn one_late_mark_before_silence_moves_the_clock_by_a_millisecond_at_most() {
-    let mut board = settled(0);
+    let line = Published::new();
+    let mut board = settled(&line, 0);
     let before = board.error_ns();
     board.hear(epoch(50), 50 * PERIOD + FLOOR + 400 * MS);
     board.pass_until(board.now_ns + 60 * SECOND);
@@ -168,7 +173,8 @@ fn one_late_mark_before_silence_moves_the_clock_by_a_millisecond_at_most() {
 /// and a duplicate.
 #[test]
 fn a_stall_and_its_backlog_leave_the_clock_where_it_was() {
-    let mut board = settled(0);
+    let line = Published::new();
+    let mut board = settled(&line, 0);
     let before = board.error_ns();
     let flush = 50 * PERIOD + FLOOR + 1_560 * MS;
     for i in 0..8 {
@@ -193,7 +199,8 @@ fn a_stall_and_its_backlog_leave_the_clock_where_it_was() {
 #[test]
 fn an_hour_of_silence_is_holdover_at_the_crystals_rate() {
     let crystal_ppb = 44_000;
-    let mut board = settled(crystal_ppb);
+    let line = Published::new();
+    let mut board = settled(&line, crystal_ppb);
     let heard = 49 * PERIOD + FLOOR;
     board.pass_until(heard + 1_999 * MS);
     assert_eq!(board.read().state, ClockState::Set);
@@ -229,7 +236,8 @@ fn an_hour_of_silence_is_holdover_at_the_crystals_rate() {
 #[test]
 fn one_jump_is_refused_and_five_that_agree_are_a_counted_step() {
     for jump in [SECOND, -SECOND, 18 * SECOND, -18 * SECOND, 3_600 * SECOND] {
-        let mut board = settled(0);
+        let line = Published::new();
+        let mut board = settled(&line, 0);
         let error = board.error_ns();
         // One mark that jumps alone; a jump back refuses its successor, too.
         board.hear(UtcNanos(epoch(50).0 + jump), 50 * PERIOD + FLOOR);
@@ -281,7 +289,8 @@ fn a_leap_second_is_sat_out_and_then_stepped_over_in_the_open() {
         nano: 0,
     })
     .unwrap();
-    let mut board = Board::new(Settings::DEFAULT, 0);
+    let line = Published::new();
+    let mut board = Board::new(Settings::DEFAULT, 0, &line);
     let mut outcomes = Vec::new();
     // From 2 s before the leap second to 4 s after it.
     for number in 0..35_i64 {
@@ -309,7 +318,8 @@ fn a_leap_second_is_sat_out_and_then_stepped_over_in_the_open() {
 
 #[test]
 fn a_clock_is_not_set_in_a_leap_second() {
-    let mut board = Board::new(Settings::DEFAULT, 0);
+    let line = Published::new();
+    let mut board = Board::new(Settings::DEFAULT, 0, &line);
     let mut heard = mark(START);
     heard.epoch = leap_second((2026, 12, 31), 0);
     let outcome = board.hear_mark(heard, FLOOR);
@@ -319,7 +329,8 @@ fn a_clock_is_not_set_in_a_leap_second() {
 
 #[test]
 fn each_kind_of_bad_mark_is_counted_and_costs_no_good_one() {
-    let mut board = settled(0);
+    let line = Published::new();
+    let mut board = settled(&line, 0);
     let error = board.error_ns();
     let accepted = board.clock.counters().accepted;
     type Spoil = fn(&mut TimeMark);
@@ -369,7 +380,8 @@ fn each_kind_of_bad_mark_is_counted_and_costs_no_good_one() {
 
 #[test]
 fn a_stamp_from_the_future_or_from_long_ago_is_refused() {
-    let mut board = settled(0);
+    let line = Published::new();
+    let mut board = settled(&line, 0);
     let now = board.cycles(board.now_ns);
     for arrival in [now.0 + 1, now.0.wrapping_sub(11 * 168_000_000), u64::MAX] {
         let mut heard = mark(epoch(60));
@@ -382,7 +394,8 @@ fn a_stamp_from_the_future_or_from_long_ago_is_refused() {
 
 #[test]
 fn leap_seconds_that_nobody_confirmed_show_until_they_are() {
-    let mut board = Board::new(Settings::DEFAULT, 0);
+    let line = Published::new();
+    let mut board = Board::new(Settings::DEFAULT, 0, &line);
     for number in 1..20 {
         let mut heard = mark(epoch(number));
         heard.validity.leap_seconds_known = number >= 10;

@@ -18,10 +18,13 @@ const REPORT_EVERY: u64 = CORE_HZ as u64;
 #[embassy_executor::task]
 pub async fn run(mut reader: Reader, mut writer: Writer) {
     let mut link = Link::new();
-    let mut clock = UtcClock::new(Settings {
-        latency_ns: settings::LATENCY_NS,
-        ..Settings::DEFAULT
-    });
+    let mut clock = UtcClock::new(
+        Settings {
+            latency_ns: settings::LATENCY_NS,
+            ..Settings::DEFAULT
+        },
+        &CLOCK,
+    );
     let mut fix = None;
     let mut report_due = Cycles::BOOT;
     loop {
@@ -39,9 +42,6 @@ pub async fn run(mut reader: Reader, mut writer: Writer) {
             }
         }
         clock.handle_timeout(time::now());
-        if let Some(model) = clock.poll_model() {
-            CLOCK.publish(&model);
-        }
         if now >= report_due {
             report_due = now.plus(REPORT_EVERY);
             GNSS.tell(GnssReport {
@@ -57,7 +57,7 @@ pub async fn run(mut reader: Reader, mut writer: Writer) {
 }
 
 /// Gives a mark to the clock, and tells what came of it.
-fn follow(clock: &mut UtcClock, mark: &TimeMark) {
+fn follow(clock: &mut UtcClock<'_>, mark: &TimeMark) {
     let outcome = clock.handle_mark(mark, time::now());
     match outcome {
         Outcome::Set => defmt::info!("the clock is set"),

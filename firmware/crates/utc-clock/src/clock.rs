@@ -3,24 +3,26 @@
 //! *Purpose.* Owns the time line: sets it at the first mark that passes the
 //! gate, steers it at each later one, lets it run on when they stay away.
 //!
-//! *Design.* Without I/O and without a clock of its own. `handle_mark` and
-//! `handle_timeout` take the time, `poll_timeout` tells when the next timeout is
-//! due, `poll_model` yields what is to be published.
+//! *Design.* Without I/O and without a time of its own: `handle_mark` and
+//! `handle_timeout` are told it, `poll_timeout` says when the next timeout is due.
+//! The clock is the one writer of its [`Published`] line; a change is out before
+//! the call that makes it returns.
 //!
-//! Every change of course begins [`LEAD`] after the call that makes it, at the
-//! point of the line where the old course is then. A model that is published by
-//! that time has told nobody anything else about any moment: readings increase
-//! strictly with their stamps, whoever takes them, except over a step.
+//! Every change of course begins [`LEAD`] after the time of the call, at the
+//! point of the line where the old course is then. So nobody has been told
+//! anything else about any moment: readings increase strictly with their stamps,
+//! whoever takes them, except over a step.
 //!
 //! An error is absorbed at 1 ns a second for each ns, at most [`MAX_SLEW`], until
 //! it is gone or the next mark knows better, and for no longer than marks may
 //! stay away: one mark alone, however late, moves the clock by 1 ms.
 //!
-//! *Limits.* The lead is the firmware's time to publish. What a mark's residual
-//! means is the [`Discipline`]'s business; the bound of the slew is kept here,
-//! whatever it says.
+//! *Limits.* A call has to end within the lead of the time that it was told. What
+//! a mark's residual means is the [`Discipline`]'s business; the bound of the slew
+//! is kept here, whatever it says.
 
 use core::cmp::Ordering;
+use core::sync::atomic::AtomicU32;
 
 use timebase::{CORE_HZ, Cycles, TimeMark};
 
@@ -28,9 +30,11 @@ use crate::counters::bump;
 use crate::discipline::{Correction, Discipline, Observation};
 use crate::gate::Gate;
 use crate::model::{self, Quality};
-use crate::{ClockModel, ClockState, Counters, Ppb, Refusal, UtcNanos};
+use crate::published::Word;
+use crate::{ClockModel, ClockState, Counters, Ppb, Published, Refusal, UtcNanos};
 
-/// From a call to the first moment at which its change of course holds: 1 ms.
+/// From a call to the first moment at which its change of course holds: 1 ms,
+/// three orders of magnitude more than the call takes if nothing interrupts it.
 pub const LEAD: u64 = CORE_HZ as u64 / 1_000;
 
 /// The fastest slew, beside the frequency: 500 ppm, as in NTP's clock discipline.
@@ -107,14 +111,14 @@ pub enum Outcome {
     Refused(Refusal),
 }
 
-/// The clock that marks steer.
-#[derive(Clone, Debug)]
-pub struct UtcClock {
+/// The clock that marks steer, and the one writer of `line`.
+#[derive(Debug)]
+pub struct UtcClock<'a, W = AtomicU32> {
+    line: &'a Published<W>,
     settings: Settings,
     gate: Gate,
     discipline: Discipline,
     model: ClockModel,
-    changed: bool,
     frequency: Ppb,
     slew: Ppb,
     /// When the error that is being absorbed will be gone.
@@ -124,10 +128,11 @@ pub struct UtcClock {
     counters: Counters,
 }
 
-impl UtcClock {
-    /// A clock that is unset.
+impl<'a, W: Word> UtcClock<'a, W> {
+    /// A clock that is unset and will publish to `line`, which nobody has written
+    /// to yet.
     #[must_use]
-    pub fn new(settings: Settings) -> Self {
+    pub fn new(settings: Settings, line: &'a Published<W>) -> Self {
         Self {
             settings,
             gate: Gate {
@@ -135,7 +140,7 @@ impl UtcClock {
             },
             discipline: Discipline::new(settings.frequency),
             model: ClockModel::BOOT,
-            changed: false,
+            line,
             frequency: Ppb(0),
             slew: Ppb(0),
             slew_ends: Cycles::BOOT,
@@ -188,12 +193,6 @@ impl UtcClock {
             due = due.min(self.holdover_begins());
         }
         due
-    }
-
-    /// The model to publish, once after each change, within [`LEAD`] of the call
-    /// that made it.
-    pub fn poll_model(&mut self) -> Option<ClockModel> {
-        core::mem::take(&mut self.changed).then_some(self.model)
     }
 
     /// The newest piece of the time line.
@@ -298,7 +297,7 @@ impl UtcClock {
             mult: model::mult(rate),
             ..line.rebased(at)
         };
-        self.changed = true;
+        self.line.publish(&self.model);
     }
 
     const fn holdover_begins(&self) -> Cycles {

@@ -14,9 +14,8 @@
 //! TimeMark ─▶ gate ─▶ discipline ─▶ clock ─▶ ClockModel ─▶ Published ─▶ readers
 //! ```
 //!
-//! *Limits.* No I/O and no clock of its own: time is an argument. The firmware
-//! calls [`UtcClock::handle_timeout`] when [`UtcClock::poll_timeout`] says, and
-//! publishes what [`UtcClock::poll_model`] yields.
+//! *Limits.* No I/O and no time of its own: time is an argument. The firmware
+//! calls [`UtcClock::handle_timeout`] when [`UtcClock::poll_timeout`] says.
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(

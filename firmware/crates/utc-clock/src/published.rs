@@ -25,16 +25,16 @@
 //!
 //! So each answer comes from complete models of one moment. The clock begins
 //! every model in the future of the call that made it, and at a point of the
-//! line before it: as long as it is published by then, a stamp's answer is the
-//! same at all times, and later stamps have later answers.
+//! line before it, and publishes it at once: a stamp's answer is the same at all
+//! times, and later stamps have later answers.
 //!
 //! # Preconditions
 //!
 //! * One core: program order is what an interrupt sees, so a fence for the
 //!   compiler is enough.
-//! * One writer: calls of [`Published::publish`] do not interrupt each other.
+//! * One writer: a line belongs to one [`UtcClock`](crate::UtcClock).
 //! * Fewer than 2³² publications while one reader is interrupted.
-//! * A model is published before its `at`: [`LEAD`](crate::clock::LEAD).
+//! * A model is out before it begins: [`LEAD`](crate::clock::LEAD).
 //!
 //! *Limits.* Three models are kept. A stamp from before the oldest of them is
 //! read with that one prolonged: wrong by at most the slews in between,
@@ -47,7 +47,7 @@ use timebase::Cycles;
 use crate::model::SHIFT;
 use crate::{ClockModel, Reading, UtcNanos};
 
-/// A shared 32-bit word. The exhaustive test has one that counts its accesses.
+/// A shared 32-bit word; the exhaustive test has one that knows of each access.
 pub trait Word {
     /// The word's value.
     fn load(&self) -> u32;
@@ -118,7 +118,7 @@ impl<W: Word> Published<W> {
     }
 
     /// Makes `model` the newest piece of the line. For the one writer.
-    pub fn publish(&self, model: &ClockModel) {
+    pub(crate) fn publish(&self, model: &ClockModel) {
         let next = self.sequence.load().wrapping_add(1);
         for (word, value) in self.slot(next).iter().zip(model.words()) {
             word.store(value);
@@ -193,3 +193,6 @@ impl<W: Word> Published<W> {
 fn double<W: Word>(low: &W, high: &W) -> u64 {
     u64::from(low.load()) | u64::from(high.load()) << 32
 }
+
+#[cfg(test)]
+mod preemption;

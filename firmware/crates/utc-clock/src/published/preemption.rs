@@ -1,6 +1,6 @@
 //! The published time line under every preemption that one core allows.
 //!
-//! *Purpose.* The proof of `utc_clock::published`, by visiting: each access to a
+//! *Purpose.* The proof of [`super`], by visiting: each access to a
 //! shared word is a step, and at each step a context of higher priority may run
 //! to its end. On one core there are no other interleavings.
 //!
@@ -12,12 +12,15 @@
 //! *Limits.* Steps are in program order; that the compiler keeps it is what the
 //! fences are for.
 
+use std::boxed::Box;
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
+use std::vec;
+use std::vec::Vec;
 
+use super::Word;
+use crate::{ClockModel, Published, Settings, UtcClock, UtcNanos};
 use timebase::{CORE_HZ, CivilTime, Cycles, TimeMark, Validity};
-use utc_clock::published::Word;
-use utc_clock::{ClockModel, Published, Settings, UtcClock, UtcNanos};
 
 type Context = Box<dyn FnOnce()>;
 
@@ -85,7 +88,8 @@ struct World {
 
 /// The pieces of one clock's line, the unset one first.
 fn models() -> Vec<ClockModel> {
-    let mut clock = UtcClock::new(Settings::DEFAULT);
+    let line = Published::new();
+    let mut clock = UtcClock::new(Settings::DEFAULT, &line);
     let mut models = vec![ClockModel::BOOT];
     for i in 0..7_u8 {
         // Late by turns, so that it slews to and fro; the first after a while.
@@ -111,7 +115,7 @@ fn models() -> Vec<ClockModel> {
             },
         };
         clock.handle_mark(&mark, now);
-        models.push(clock.poll_model().expect("each mark turns the line"));
+        models.push(*clock.model());
     }
     models
 }

@@ -114,11 +114,10 @@ impl Client {
 
     /// Takes a byte.
     pub fn receive(&mut self, byte: StampedByte) -> Option<Heard> {
-        let due = self.framer.push(byte);
-        if due.is_nothing() {
-            return None;
-        }
-        let frame = self.framer.examine(due)?;
+        let frame = match self.framer.push(byte) {
+            0 => return None,
+            length => self.framer.take(length),
+        };
         let what = match u32::from(frame.id) {
             HEARTBEAT_DATA::ID => What::Heartbeat,
             SYSTEM_TIME_DATA::ID => {

@@ -22,7 +22,7 @@ use mavlink::dialects::common::{
 use timebase::{Cycles, StampedByte};
 
 use crate::frame::{Address, Frame, Sender, Version};
-use crate::framer::{Delimited, Due, Framer, FramingCounters, Kind, Wanted};
+use crate::framer::{Delimited, Framer, FramingCounters, Kind, Wanted};
 use crate::ping::Ping;
 
 /// How a node behaves.
@@ -167,7 +167,7 @@ pub struct Counters {
 
 /// The kinds that a node listens to.
 #[derive(Debug)]
-struct Requests;
+pub struct Requests;
 
 /// Command number, target system and target component stand at the same place in
 /// COMMAND_LONG and COMMAND_INT, behind seven words of parameters.
@@ -227,23 +227,25 @@ impl Node {
         }
     }
 
+    /// HEARTBEAT's other duty, see [`Framer::give_up_if_silent`].
+    pub(crate) fn give_up_if_silent(&mut self) {
+        self.framer.give_up_if_silent();
+    }
+
     /// Takes a byte that was stamped at most 25 s before `now`. A request is to be
     /// answered with [`Self::answer`]; where there is no room for an answer, it
     /// may be dropped.
     #[inline]
     pub fn receive(&mut self, byte: StampedByte, now: Cycles) -> Option<Request> {
-        let due = self.framer.push(byte);
-        if due.is_nothing() {
-            None
-        } else {
-            self.examine(due, now)
+        match self.framer.push(byte) {
+            0 => None,
+            length => self.request(length, now),
         }
     }
 
-    /// Off the path of the bytes at which nothing can end.
     #[inline(never)]
-    fn examine(&mut self, due: Due, now: Cycles) -> Option<Request> {
-        let frame = self.framer.examine(due)?;
+    fn request(&mut self, length: u8, now: Cycles) -> Option<Request> {
+        let frame = self.framer.take(length);
         if frame.version == Version::V2 {
             self.version = Version::V2;
         }

@@ -29,7 +29,7 @@ pub const IMAGE_VARIABLE: &str = "PIXCLOCK_IMAGE";
 const FLASH: u32 = 0x0800_0000;
 pub(crate) const APPLICATION: u32 = FLASH + 0x4000;
 /// The most that an application may be, in bytes (PX4-Bootloader, board id 9).
-const APPLICATION_MAX: u32 = 1_008 * 1_024;
+pub(crate) const APPLICATION_MAX: u32 = 1_008 * 1_024;
 /// A stack for the stand-in, which uses none: the end of the first SRAM.
 const STAND_IN_SP: u32 = 0x2001_C000;
 
@@ -100,7 +100,7 @@ impl Firmware {
                     address: u32::try_from(symbol.address() & !thumb).ok()?,
                     size: u32::try_from(symbol.size()).ok()?,
                 };
-                Some((format!("{:#}", rustc_demangle::demangle(name)), place))
+                Some((demangled(name), place))
             })
             .collect();
         let firmware = Self {
@@ -192,6 +192,18 @@ impl Firmware {
     }
 }
 
+/// The path that was compiled to `name`. The number that the compiler appends to
+/// each part of a static that it has split is kept.
+fn demangled(name: &str) -> String {
+    let path = format!("{:#}", rustc_demangle::demangle(name));
+    match name.rsplit_once('.') {
+        Some((_, part)) if part.parse::<u32>().is_ok() && !path.ends_with(part) => {
+            format!("{path}.{part}")
+        }
+        _ => path,
+    }
+}
+
 /// Two vectors, seven instructions, two constants.
 fn bootloader_stand_in() -> Vec<u8> {
     const VTOR: u32 = 0xE000_ED08;
@@ -215,4 +227,30 @@ fn bootloader_stand_in() -> Vec<u8> {
     bytes.extend(CODE.map(u16::to_le_bytes).as_flattened());
     bytes.extend([VTOR, APPLICATION].map(u32::to_le_bytes).as_flattened());
     bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_parts_of_a_split_static_keep_their_numbers() {
+        let name = "_RNvNtNtCs1vurH30szMG_8firmware7drivers4time5WORDS";
+        assert_eq!(demangled(name), "firmware::drivers::time::WORDS");
+        let part = format!("{name}.2");
+        assert_eq!(demangled(&part), "firmware::drivers::time::WORDS.2");
+        assert_eq!(demangled("SysTick"), "SysTick");
+    }
+
+    #[test]
+    fn the_stand_in_is_two_vectors_and_what_the_second_points_to() {
+        let bytes = bootloader_stand_in();
+        let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+        assert_eq!(bytes.len(), 32);
+        assert_eq!((word(0), word(4)), (STAND_IN_SP, 0x0800_0009));
+        // The two constants lie where the first two instructions look for them.
+        let literal = |at: usize| (at + 4 & !3) + 4 * usize::from(bytes[at]);
+        assert_eq!(word(literal(8)), 0xE000_ED08);
+        assert_eq!(word(literal(10)), APPLICATION);
+    }
 }

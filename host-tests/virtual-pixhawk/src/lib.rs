@@ -15,6 +15,7 @@
 //! hardware flow control have no model. The crystal does not wander during a run.
 
 mod board;
+mod clock;
 mod gaps;
 mod image;
 mod meter;
@@ -26,6 +27,7 @@ mod tcp;
 mod waveform;
 mod wire;
 
+pub use clock::ClockReading;
 pub use gaps::Gaps;
 pub use image::{Firmware, IMAGE_VARIABLE, Symbol};
 pub use meter::{Profile, Tally};

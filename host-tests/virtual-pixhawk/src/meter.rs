@@ -24,7 +24,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rigless::emulator::ProcessorConstructor;
 
-use crate::image::{Firmware, Symbol};
+use crate::image::{APPLICATION, APPLICATION_MAX, Firmware, Symbol};
 use crate::stepping::Stepping;
 
 /// How many times something ran, and the instructions that it took.
@@ -65,8 +65,8 @@ pub struct Profile {
     /// By the name it was asked for with: its calls and their instructions, with
     /// those of everything that it called and without those of interrupts.
     pub functions: BTreeMap<String, Tally>,
-    /// By address: how often the instruction there was executed.
-    pub addresses: BTreeMap<u32, u64>,
+    /// How often the instruction at each halfword of the application was executed.
+    executed: Vec<u64>,
 }
 
 impl Profile {
@@ -74,10 +74,14 @@ impl Profile {
     /// called from there.
     #[must_use]
     pub fn inside(&self, place: Symbol) -> u64 {
-        self.addresses
-            .range(place.address..place.address + place.size)
-            .map(|(_, times)| times)
-            .sum()
+        let (Some(first), Some(last)) = (
+            halfword(place.address),
+            halfword(place.address + place.size),
+        ) else {
+            return 0;
+        };
+        let inside = self.executed.iter().take(last).skip(first);
+        inside.sum()
     }
 
     /// The functions of `firmware` with the instructions executed inside each,
@@ -113,13 +117,30 @@ struct Activation {
     calls: Vec<Call>,
 }
 
-/// What the core is about to execute.
+/// Which halfword of the application's flash `address` is.
+fn halfword(address: u32) -> Option<usize> {
+    let offset = address.checked_sub(APPLICATION)?;
+    (offset < APPLICATION_MAX).then_some(offset as usize / 2)
+}
+
+/// What the core is about to execute, and on whose behalf.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Moment {
     pub(crate) pc: u32,
     pub(crate) ipsr: u16,
+}
+
+/// The registers that say where a call or an exception came from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Origin {
     pub(crate) sp: u32,
     pub(crate) lr: u32,
+}
+
+/// Whether `lr` is what the core puts there as it enters an exception (ARMv7-M
+/// B1.5.8).
+const fn is_exc_return(lr: u32) -> bool {
+    lr >= 0xffff_ffe0
 }
 
 /// The state of counting.
@@ -128,21 +149,23 @@ pub(crate) struct Count {
     on: bool,
     profile: Profile,
     entries: BTreeMap<u32, String>,
-    handlers: BTreeMap<u16, u32>,
+    /// Where the handler of each exception begins, by its number.
+    handlers: Vec<u32>,
     /// The thread, and on it the exceptions that are active; the last one runs.
     activations: Vec<Activation>,
 }
 
 impl Count {
-    /// Notes that the instruction at `moment` comes next.
-    pub(crate) fn before(&mut self, moment: Moment) {
-        self.follow_exceptions(moment);
+    /// Notes that the instruction at `moment` comes next; `origin` is asked only
+    /// where something may begin or end.
+    pub(crate) fn before(&mut self, moment: Moment, origin: impl Fn() -> Origin) {
+        self.follow_exceptions(moment, &origin);
         let Some(running) = self.activations.last_mut() else {
             return;
         };
         while let Some(call) = running
             .calls
-            .pop_if(|call| call.returns_to == moment.pc && moment.sp >= call.sp)
+            .pop_if(|call| call.returns_to == moment.pc && origin().sp >= call.sp)
         {
             let spent = running.instructions - call.since;
             self.profile
@@ -152,52 +175,44 @@ impl Count {
                 .add(spent);
         }
         if let Some(function) = self.entries.get(&moment.pc) {
+            let Origin { sp, lr } = origin();
             running.calls.push(Call {
                 function: function.clone(),
-                returns_to: moment.lr & !1,
-                sp: moment.sp,
+                returns_to: lr & !1,
+                sp,
                 since: running.instructions,
             });
         }
     }
 
     /// Brings the activations up to date with IPSR.
-    fn follow_exceptions(&mut self, moment: Moment) {
-        // An EXC_RETURN in LR at a handler's first instruction: it was just entered.
-        let entered = self.handlers.get(&moment.ipsr) == Some(&moment.pc)
-            && moment.lr & 0xffff_ff00 == 0xffff_ff00;
+    fn follow_exceptions(&mut self, moment: Moment, origin: &impl Fn() -> Origin) {
+        let handler = self.handlers.get(usize::from(moment.ipsr));
         if moment.ipsr == 0 {
-            while self.activations.len() > 1 {
-                self.end_activation();
-            }
+            self.end_until(|_| false);
             if self.activations.is_empty() {
                 self.activations.push(Activation::default());
             }
-        } else if entered {
-            // Tail-chained ones find SP where the one before them found it, nested
-            // ones below.
-            while self.activations.len() > 1
-                && self
-                    .activations
-                    .last()
-                    .is_some_and(|last| last.sp <= moment.sp)
-            {
-                self.end_activation();
-            }
+        } else if handler == Some(&moment.pc) && is_exc_return(origin().lr) {
+            // It was just entered. Behind a tail-chained one SP is where the one
+            // before found it, in a nested one below.
+            let sp = origin().sp;
+            self.end_until(|last| last.sp > sp);
             self.activations.push(Activation {
                 exception: moment.ipsr,
-                sp: moment.sp,
+                sp,
                 ..Activation::default()
             });
         } else {
-            while self.activations.len() > 1
-                && self
-                    .activations
-                    .last()
-                    .is_some_and(|last| last.exception != moment.ipsr)
-            {
-                self.end_activation();
-            }
+            self.end_until(|last| last.exception == moment.ipsr);
+        }
+    }
+
+    /// Ends activations from the innermost on, up to the one that `goes_on`; never
+    /// the thread.
+    fn end_until(&mut self, goes_on: impl Fn(&Activation) -> bool) {
+        while self.activations.len() > 1 && !self.activations.last().is_some_and(&goes_on) {
+            self.end_activation();
         }
     }
 
@@ -218,7 +233,13 @@ impl Count {
         if moment.ipsr == 0 {
             self.profile.in_thread += retired;
         }
-        *self.profile.addresses.entry(moment.pc).or_default() += retired;
+        if let Some(halfword) = halfword(moment.pc) {
+            let executed = &mut self.profile.executed;
+            if executed.len() <= halfword {
+                executed.resize(halfword + 1, 0);
+            }
+            executed[halfword] += retired;
+        }
         if let Some(running) = self.activations.last_mut() {
             running.instructions += retired;
         }
@@ -250,8 +271,8 @@ impl Meter {
         for &function in functions {
             entries.insert(firmware.symbol(function)?.address, function.to_owned());
         }
-        let handlers = (1..)
-            .map_while(|exception| Some((exception, firmware.vector(exception)? & !1)))
+        let handlers = (0..)
+            .map_while(|exception| Some(firmware.vector(exception)? & !1))
             .collect();
         *self.count() = Count {
             on: true,

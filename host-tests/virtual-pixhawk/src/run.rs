@@ -77,10 +77,10 @@ pub struct Builder {
 type Order = Box<dyn FnOnce(&mut Stopped<'_>) + Send>;
 
 /// A board that stands still.
-struct Stopped<'a> {
-    session: &'a mut Session<Pixhawk1>,
+pub(crate) struct Stopped<'a> {
+    pub(crate) session: &'a mut Session<Pixhawk1>,
     host: &'a mut dyn Host,
-    stop: Stop,
+    pub(crate) stop: Stop,
     log: &'a mut Log,
     next: Next,
 }
@@ -320,7 +320,7 @@ impl Pixhawk {
     }
 
     /// Has the stopped board do `ask`, and waits for its answer.
-    fn order<T: Send + 'static>(
+    pub(crate) fn order<T: Send + 'static>(
         &mut self,
         ask: impl FnOnce(&mut Stopped<'_>) -> T + Send + 'static,
     ) -> anyhow::Result<T> {

@@ -17,7 +17,7 @@ use rigless::emulator::{
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
 
-use crate::meter::{Meter, Moment};
+use crate::meter::{Meter, Moment, Origin};
 
 /// The numbers under which the processor shows its registers (GDB's, for Cortex-M).
 const SP: usize = 13;
@@ -47,6 +47,11 @@ impl Stepping {
             // The part's addresses are 32 bits wide.
             pc: self.inner.pc() as u32,
             ipsr: (self.register(XPSR) & IPSR) as u16,
+        }
+    }
+
+    fn origin(&self) -> Origin {
+        Origin {
             sp: self.register(SP),
             lr: self.register(LR),
         }
@@ -69,7 +74,7 @@ impl Processor for Stepping {
                 return (exit, retired);
             }
             let moment = self.moment();
-            count.before(moment);
+            count.before(moment, || self.origin());
             let (exit, one) = self.inner.run(1, &mut bus);
             count.after(moment, one);
             retired += one;

@@ -20,8 +20,8 @@ use world::{Sent, Talker, Transmission, WorldNanos};
 
 const LOOK_EVERY_NS: u64 = 1_000_000;
 const CHUNK: usize = 4_096;
-/// The speed of the line until the board has said something: that of TELEM1 on PX4.
-const FIRST_BAUD: u32 = 57_600;
+/// The speed of the line until the board has said something.
+const FIRST_BAUD: u32 = 115_200;
 
 /// A TCP server as the far end of a line.
 #[derive(Debug)]

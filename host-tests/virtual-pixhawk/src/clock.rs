@@ -1,0 +1,130 @@
+//! The firmware's clock, read from outside.
+//!
+//! *Purpose.* [`Pixhawk::clock`] tells what the board believes the time to be at a
+//! moment that is known to the nanosecond, without the rounding and the way of a
+//! MAVLink answer.
+//!
+//! *Design.* What the firmware publishes for its own readers is in two statics: the
+//! time line (`CLOCK`, words in the layout of [`Published`]) and the anchor of its
+//! time since boot (`WORDS`, in the order of [`timebase::tick::Word`]). The witness
+//! of that anchor, TIM5, is looked at in the emulator, without the side effects of a
+//! read. Cycles since boot are the anchor and what the witness has counted since;
+//! the time line is then read by the firmware's own code.
+//!
+//! *Limits.* TIM5 counts every second cycle and was started beside SysTick with a
+//! doubt of as much, so a reading is good to 4 cycles, 24 ns. A board that stands in
+//! the middle of its tick interrupt has half an anchor; so a reading takes two looks
+//! 2 µs apart that have to agree, and the board has run on by then.
+
+use std::cell::Cell;
+use std::sync::atomic::AtomicU32;
+
+use anyhow::ensure;
+use rigless::mcu::Operate as _;
+use rigless::soc::Width;
+use timebase::Cycles;
+use utc_clock::{Published, Reading};
+use world::WorldNanos;
+
+use crate::run::Pixhawk;
+
+/// The statics that the firmware keeps its time in.
+const TIME_LINE: &str = "firmware::shared::CLOCK";
+const ANCHOR: &str = "firmware::drivers::time::WORDS";
+/// TIM5's counter (RM0090 2.3, 18.4.10), which counts every second core cycle.
+const WITNESS: u64 = 0x4000_0C00 + 0x24;
+const WITNESS_RATIO: u32 = 2;
+/// Between two looks, in ns, and by how many cycles they may disagree about it.
+const APART_NS: u64 = 2_000;
+const APART_CYCLES: u64 = 336;
+const DISAGREE_CYCLES: u64 = 32;
+/// How many looks to take before it is given up.
+const LOOKS: usize = 8;
+
+/// What the board's clock showed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ClockReading {
+    /// When, in true time.
+    pub at: WorldNanos,
+    /// Cycles since boot by the board's own count.
+    pub cycles: Cycles,
+    /// UTC by the board's clock, with its quality.
+    pub reading: Reading,
+}
+
+impl Pixhawk {
+    /// Reads the board's clock; it runs on for a few µs.
+    ///
+    /// # Errors
+    ///
+    /// The image has no such clock, it has not been started yet, or the emulator
+    /// gave up.
+    pub fn clock(&mut self) -> anyhow::Result<ClockReading> {
+        let mut before = self.cycles()?;
+        for _ in 0..LOOKS {
+            self.run_for(APART_NS)?;
+            let cycles = self.cycles()?;
+            let passed = cycles.0.wrapping_sub(before.0);
+            if passed.abs_diff(APART_CYCLES) <= DISAGREE_CYCLES {
+                return Ok(ClockReading {
+                    at: self.now(),
+                    cycles,
+                    reading: self.time_line()?.reading_at(cycles),
+                });
+            }
+            before = cycles;
+        }
+        anyhow::bail!("the board's time since boot does not run")
+    }
+
+    /// Cycles since boot; wrong in the middle of the tick interrupt.
+    fn cycles(&mut self) -> anyhow::Result<Cycles> {
+        let words = self.words(ANCHOR)?;
+        let &[low, high, at_anchor, ..] = words.as_slice() else {
+            anyhow::bail!("{ANCHOR} has other words than expected");
+        };
+        let witness = self.order(|stopped| {
+            let part = &mut stopped.session.board_mut().mcu;
+            part.peek(stopped.stop.at, WITNESS, Width::W32)
+        })??;
+        let since = (witness as u32)
+            .wrapping_sub(at_anchor)
+            .wrapping_mul(WITNESS_RATIO);
+        let anchor = u64::from(high) << 32 | u64::from(low);
+        Ok(Cycles(anchor + u64::from(since)))
+    }
+
+    fn time_line(&mut self) -> anyhow::Result<Published> {
+        let words = self.words(TIME_LINE)?;
+        ensure!(
+            words.len() * 4 == size_of::<Published>(),
+            "{TIME_LINE} is not of the size of this program's"
+        );
+        // `over` asks for each word in the order of the layout.
+        let next = Cell::new(0);
+        Ok(Published::over(|_| {
+            let word = words.get(next.get()).copied().unwrap_or_default();
+            next.set(next.get() + 1);
+            AtomicU32::new(word)
+        }))
+    }
+
+    /// The words of a static; the compiler may have split it into its elements.
+    fn words(&mut self, name: &str) -> anyhow::Result<Vec<u32>> {
+        let mut bytes = Vec::new();
+        if self.firmware().symbol(name).is_ok() {
+            bytes = self.read(name)?;
+        } else {
+            for part in 0.. {
+                let part = format!("{name}.{part}");
+                if self.firmware().symbol(&part).is_err() {
+                    break;
+                }
+                bytes.extend(self.read(&part)?);
+            }
+        }
+        ensure!(!bytes.is_empty(), "the image has no static {name}");
+        let words = bytes.as_chunks::<4>().0;
+        Ok(words.iter().copied().map(u32::from_le_bytes).collect())
+    }
+}

@@ -7,10 +7,13 @@
 //!
 //! *Limits.* A NAV-PVT of another length than the M8's 92 bytes is not ours.
 
+/// The two sync bytes.
+pub(crate) const SYNC_LEN: usize = 2;
 /// Sync, class, id and length.
 pub(crate) const HEADER_LEN: usize = 6;
-/// [`HEADER_LEN`] and the checksum.
-pub(crate) const OVERHEAD: usize = HEADER_LEN + 2;
+/// The checksum behind the payload.
+pub(crate) const CHECKSUM_LEN: usize = 2;
+const OVERHEAD: usize = HEADER_LEN + CHECKSUM_LEN;
 /// Payload of a NAV-PVT, in bytes (u-blox M8 receiver description).
 pub(crate) const NAV_PVT_PAYLOAD_LEN: usize = 92;
 /// Payload of an acknowledgement, in bytes (the same).

@@ -20,10 +20,14 @@
     clippy::indexing_slicing
 )]
 
+pub mod config;
 mod event;
+mod fletcher;
 mod kind;
 mod link;
+mod session;
 mod window;
 
 pub use event::{Event, Fix};
-pub use link::{Link, LinkCounters};
+pub use link::{IDLE, Link, LinkCounters};
+pub use session::{Action, SILENCE, Session, SessionCounters, TRIES};

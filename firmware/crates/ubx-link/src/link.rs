@@ -24,7 +24,8 @@
 use timebase::{CORE_HZ, Cycles, StampedByte};
 
 use crate::event::{self, Event};
-use crate::kind::{Header, Kind, SHORTEST, SYNC_1};
+use crate::fletcher::Fletcher;
+use crate::kind::{CHECKSUM_LEN, Header, Kind, SHORTEST, SYNC_1, SYNC_LEN};
 use crate::window::Window;
 
 /// A line that has been silent for this long is between frames, in cycles: 20 ms.
@@ -68,6 +69,7 @@ pub struct LinkCounters {
 #[derive(Clone, Debug)]
 pub struct Link {
     window: Window,
+    sums: Sums,
     /// The frame whose header stands at the front of the window.
     candidate: Option<Kind>,
     /// How many bytes have to be held before the next decision.
@@ -87,6 +89,7 @@ impl Link {
     pub const fn new() -> Self {
         Self {
             window: Window::new(),
+            sums: Sums::START,
             candidate: None,
             wanted: SHORTEST,
             counters: LinkCounters {
@@ -127,120 +130,195 @@ impl Link {
             if idle && !self.is_idle(now) {
                 return None;
             }
-            let event = self.examine(now, idle);
-            if dry || event.is_some() {
-                return event;
-            }
-        }
-    }
-
-    /// Whether bytes are held and none have come for [`IDLE`].
-    fn is_idle(&self, now: Cycles) -> bool {
-        self.window.last_stamp().is_some_and(|last| {
-            let since = now.plus(AHEAD.into()).stamp().0.wrapping_sub(last.0);
-            since >= IDLE + AHEAD
-        })
-    }
-
-    /// Decides about what is held, up to the first event. Where the line is idle,
-    /// what is incomplete has failed.
-    #[inline(never)]
-    fn examine(&mut self, now: Cycles, idle: bool) -> Option<Event> {
-        loop {
-            if let Some(kind) = self.candidate {
-                let failed = if self.window.len() < kind.frame_len() {
-                    if !idle {
-                        return None;
-                    }
-                    &mut self.counters.truncated
-                } else if !self.holds(kind) {
-                    &mut self.counters.bad_checksums
-                } else if let Some(event) = self.accept(kind, now) {
-                    return Some(event);
-                } else {
-                    &mut self.counters.refused
-                };
-                *failed = failed.wrapping_add(1);
-                self.give_up(1);
-            }
-            self.search();
-            if self.candidate.is_none() {
-                if idle {
-                    self.give_up(self.window.len());
+            if let Some(kind) = self.examine(idle) {
+                let event = self.take(kind, now);
+                if event.is_some() {
+                    return event;
                 }
+            } else if dry {
                 return None;
             }
         }
     }
 
-    /// Whether the checksum of the frame at the front holds.
+    /// Whether bytes are held and none have come for [`IDLE`].
     #[inline]
-    fn holds(&mut self, kind: Kind) -> bool {
-        match kind {
-            Kind::NavPvt => self.window.longest_frame_holds(),
-            Kind::Ack | Kind::Nak => self.window.short_frame_holds::<SHORTEST>(),
-        }
+    fn is_idle(&self, now: Cycles) -> bool {
+        let newest = self.window.len().checked_sub(1);
+        newest
+            .and_then(|i| self.window.stamp(i))
+            .is_some_and(|newest| {
+                let since = now.plus(AHEAD.into()).stamp().0.wrapping_sub(newest.0);
+                since >= IDLE + AHEAD
+            })
     }
 
-    /// Hands the frame at the front on, and out of the window.
-    fn accept(&mut self, kind: Kind, now: Cycles) -> Option<Event> {
-        let arrival = self.window.first_stamp().extend(now.plus(AHEAD.into()));
-        let event = event::parse(kind, self.window.held(), arrival)?;
+    /// Decides about what is held, up to the first good frame: its kind, and it
+    /// stands at the front of the window. Where the line is idle, what is
+    /// incomplete has failed.
+    #[inline(never)]
+    fn examine(&mut self, idle: bool) -> Option<Kind> {
+        let held = self.window.held();
         let counters = &mut self.counters;
-        let good = match kind {
+        let mut sums = self.sums;
+        let mut candidate = self.candidate;
+        let mut rest = held;
+        let good = loop {
+            if let Some(kind) = candidate {
+                let failed = match rest.get(..kind.frame_len()) {
+                    Some(frame) if sums.hold(kind, frame) => break candidate,
+                    Some(_) => &mut counters.bad_checksums,
+                    None if idle => &mut counters.truncated,
+                    None => break None,
+                };
+                count(failed, 1);
+                rest = sums.pass(rest);
+            }
+            (rest, candidate) = search(rest, &mut sums, counters);
+            if candidate.is_none() {
+                if idle {
+                    rest = &[];
+                }
+                break None;
+            }
+        };
+        let foreign = held.len().wrapping_sub(rest.len());
+        count(&mut counters.foreign_bytes, foreign);
+        self.sums = sums;
+        self.window.give_up(foreign);
+        self.expect(candidate);
+        good
+    }
+
+    /// Takes the good frame of `kind` from the front of the window.
+    #[inline]
+    fn take(&mut self, kind: Kind, now: Cycles) -> Option<Event> {
+        let stamp = self.window.stamp(0).unwrap_or_default();
+        let event = event::parse(
+            kind,
+            self.window.held(),
+            stamp.extend(now.plus(AHEAD.into())),
+        );
+        let counters = &mut self.counters;
+        let counter = match kind {
+            _ if event.is_none() => &mut counters.refused,
             Kind::NavPvt => &mut counters.nav_pvts,
             Kind::Ack => &mut counters.acks,
             Kind::Nak => &mut counters.naks,
         };
-        *good = good.wrapping_add(1);
+        count(counter, 1);
+        self.sums = Sums::START;
         self.window.give_up(kind.frame_len());
         self.expect(None);
-        Some(event)
-    }
-
-    /// Gives up bytes until a header of ours stands at the front, or what may
-    /// become one.
-    #[inline]
-    fn search(&mut self) {
-        let counters = &mut self.counters;
-        let held = self.window.held();
-        let mut found = None;
-        let mut rest = held;
-        while let Some((first, behind)) = rest.split_first() {
-            let counter = match *first {
-                SYNC_1 => match Header::at(rest) {
-                    Header::Unfinished => break,
-                    Header::Ours(kind) => {
-                        found = Some(kind);
-                        break;
-                    }
-                    Header::LoneSync => &mut counters.lone_syncs,
-                    Header::OtherMessage => &mut counters.other_messages,
-                    Header::FalseLength => &mut counters.false_lengths,
-                },
-                b'$' => &mut counters.nmea_starts,
-                _ => {
-                    rest = behind;
-                    continue;
-                }
-            };
-            *counter = counter.wrapping_add(1);
-            rest = behind;
-        }
-        self.give_up(held.len().wrapping_sub(rest.len()));
-        self.expect(found);
-    }
-
-    /// Gives up the `length` oldest bytes as foreign.
-    #[inline]
-    fn give_up(&mut self, length: usize) {
-        self.counters.foreign_bytes = self.counters.foreign_bytes.wrapping_add(length as u32);
-        self.window.give_up(length);
+        event
     }
 
     /// Notes what stands at the front, and how much has to be held to judge it.
+    #[inline]
     fn expect(&mut self, candidate: Option<Kind>) {
         self.candidate = candidate;
         self.wanted = candidate.map_or(SHORTEST, Kind::frame_len);
     }
+}
+
+/// Two readings of the running checksum, behind and ahead of the candidate.
+///
+/// Both move forward only. So the checksums of all candidates together cost a few
+/// instructions a byte, however many headers stand in the noise.
+#[derive(Clone, Copy, Debug)]
+struct Sums {
+    /// Before the oldest byte that is not given up.
+    behind: Fletcher,
+    /// After `length` more.
+    ahead: Fletcher,
+    length: usize,
+}
+
+impl Sums {
+    const START: Self = Self {
+        behind: Fletcher::START,
+        ahead: Fletcher::START,
+        length: 0,
+    };
+
+    /// Whether the checksum of `frame` holds, which begins where the sums stand.
+    #[inline]
+    fn hold(&mut self, kind: Kind, frame: &[u8]) -> bool {
+        let Some((stretch, checksum)) = frame.split_last_chunk::<CHECKSUM_LEN>() else {
+            return false;
+        };
+        let Some((sync, summed)) = stretch.split_first_chunk::<SYNC_LEN>() else {
+            return false;
+        };
+        let sums = match kind {
+            Kind::NavPvt => {
+                let more = stretch.get(self.length..).unwrap_or_default();
+                self.ahead = self.ahead.then_all(more);
+                self.length = stretch.len();
+                self.ahead.since(self.behind.then_all(sync), summed.len())
+            }
+            // The reading ahead may be further ahead than their ends already, but
+            // they are short.
+            Kind::Ack | Kind::Nak => {
+                let start = Fletcher::START;
+                start.then_all(summed).since(start, summed.len())
+            }
+        };
+        sums == *checksum
+    }
+
+    /// Goes past the first of `bytes`: those behind it.
+    #[inline]
+    fn pass<'a>(&mut self, bytes: &'a [u8]) -> &'a [u8] {
+        let Some((first, rest)) = bytes.split_first() else {
+            return bytes;
+        };
+        self.behind = self.behind.then((*first).into());
+        self.length = self.length.saturating_sub(1);
+        rest
+    }
+}
+
+/// Adds to a counter.
+#[inline]
+fn count(counter: &mut u32, more: usize) {
+    *counter = counter.wrapping_add(more as u32);
+}
+
+/// What is left of `bytes` from the first header of ours on, and its kind, or from
+/// the first bytes on that may become one. The sums go with it.
+#[inline(never)]
+fn search<'a>(
+    bytes: &'a [u8],
+    sums: &mut Sums,
+    counters: &mut LinkCounters,
+) -> (&'a [u8], Option<Kind>) {
+    let mut rest = bytes;
+    let mut behind = sums.behind;
+    let mut found = None;
+    while let Some((first, after)) = rest.split_first() {
+        match *first {
+            SYNC_1 => match Header::at(rest) {
+                Header::Unfinished => break,
+                Header::Ours(kind) => {
+                    found = Some(kind);
+                    break;
+                }
+                Header::LoneSync => count(&mut counters.lone_syncs, 1),
+                Header::OtherMessage => count(&mut counters.other_messages, 1),
+                Header::FalseLength => count(&mut counters.false_lengths, 1),
+            },
+            b'$' => count(&mut counters.nmea_starts, 1),
+            _ => {}
+        }
+        behind = behind.then((*first).into());
+        rest = after;
+    }
+    sums.behind = behind;
+    let gone = bytes.len().wrapping_sub(rest.len());
+    match sums.length.checked_sub(gone) {
+        Some(length) => sums.length = length,
+        None => (sums.ahead, sums.length) = (behind, 0),
+    }
+    (rest, found)
 }

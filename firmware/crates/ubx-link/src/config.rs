@@ -1,0 +1,191 @@
+//! The configuration frames, byte for byte.
+//!
+//! *Purpose.* What the receiver is told: 115200 baud and UBX alone, a solution
+//! each 200 ms on the grid of UTC, NAV-PVT of it, the airborne model, and a pulse
+//! at each full second.
+//!
+//! *Design.* Built by `ublox`, except for CFG-PRT: its builder leaves out a bit of
+//! `mode` that is reserved and set in every receiver's own answer. The frames are
+//! pinned to the byte by a test, against two encoders of other people.
+//!
+//! *Limits.* The older configuration messages of the M8 and before it; an F9
+//! accepts them, an F10 and later no longer.
+
+use ublox::cfg_msg::CfgMsgSinglePortBuilder;
+use ublox::cfg_nav5::{CfgNav5Builder, CfgNav5Params, NavDynamicModel, NavFixMode};
+use ublox::cfg_rate::{AlignmentToReferenceTime, CfgRateBuilder};
+use ublox::cfg_tp5::{CfgTp5Builder, CfgTp5Flags};
+
+use crate::fletcher::Fletcher;
+use crate::kind::{SYNC_1, SYNC_2};
+
+/// The rate on both ends of the line, in baud.
+pub const BAUD: u32 = 115_200;
+
+/// The rates at which a receiver is looked for, in the order of the search: ours,
+/// the factory's, a Here+'s, and what is left of PX4's list
+/// (`PX4-GPSDrivers`, `ubx.cpp`).
+pub const BAUDS: [u32; 5] = [BAUD, 9_600, 38_400, 57_600, 230_400];
+
+/// From solution to solution, in ms.
+const PERIOD_MS: u16 = 200;
+
+/// The longest frame of all, in bytes.
+pub(crate) const LONGEST: usize = 44;
+
+/// A configuration frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Setting {
+    /// CFG-PRT: UART1 at [`BAUD`], 8N1, UBX in and out.
+    Port,
+    /// CFG-RATE: a solution every 200 ms, aligned to UTC.
+    Rate,
+    /// CFG-MSG: NAV-PVT at every solution, on the port that hears it.
+    Message,
+    /// CFG-NAV5: airborne below 2 g, 3D fixes only.
+    Navigation,
+    /// CFG-TP5: a pulse of 100 ms at each second of UTC, once GNSS time is known;
+    /// its rising edge is the mark.
+    Pulse,
+}
+
+impl Setting {
+    /// Class and id, as they stand in the answer.
+    #[must_use]
+    pub const fn message(self) -> (u8, u8) {
+        let id = match self {
+            Self::Port => 0x00,
+            Self::Rate => 0x08,
+            Self::Message => 0x01,
+            Self::Navigation => 0x24,
+            Self::Pulse => 0x31,
+        };
+        (0x06, id)
+    }
+
+    /// Writes the frame to `buffer` and says its length.
+    pub(crate) fn write(self, buffer: &mut [u8; LONGEST]) -> usize {
+        match self {
+            Self::Port => put(buffer, &port()),
+            Self::Rate => put(
+                buffer,
+                &CfgRateBuilder {
+                    measure_rate_ms: PERIOD_MS,
+                    nav_rate: 1,
+                    time_ref: AlignmentToReferenceTime::Utc,
+                }
+                .into_packet_bytes(),
+            ),
+            Self::Message => put(
+                buffer,
+                &CfgMsgSinglePortBuilder {
+                    msg_class: 0x01,
+                    msg_id: 0x07,
+                    rate: 1,
+                }
+                .into_packet_bytes(),
+            ),
+            Self::Navigation => put(
+                buffer,
+                &CfgNav5Builder {
+                    mask: CfgNav5Params::DYN | CfgNav5Params::POS_FIX_MODE,
+                    dyn_model: NavDynamicModel::AirborneWithLess2gAcceleration,
+                    fix_mode: NavFixMode::Only3D,
+                    ..CfgNav5Builder::default()
+                }
+                .into_packet_bytes(),
+            ),
+            Self::Pulse => put(
+                buffer,
+                &CfgTp5Builder {
+                    version: 1,
+                    freq_period: 1_000_000.0,
+                    freq_period_lock: 1_000_000.0,
+                    pulse_len_ratio: 0.0,
+                    pulse_len_ratio_lock: 100_000.0,
+                    // `ublox` has the four bits of gridUtcGnss as flags of one bit
+                    // each, one too high: its UTC_TIME_GRID is the GPS grid on the
+                    // wire. No flag at all is 0, which is UTC.
+                    flags: CfgTp5Flags::ACTIVE
+                        | CfgTp5Flags::LOCK_GNSS_FREQ
+                        | CfgTp5Flags::LOCKED_OTHER_SET
+                        | CfgTp5Flags::IS_LENGTH
+                        | CfgTp5Flags::ALIGN_TO_TOW
+                        | CfgTp5Flags::POLARITY,
+                    ..CfgTp5Builder::default()
+                }
+                .into_packet_bytes(),
+            ),
+        }
+    }
+}
+
+/// CFG-PRT by hand (u-blox M8 receiver description, UBX-CFG-PRT).
+fn port() -> [u8; 28] {
+    // Reserved bit 4, eight bits of data, no parity, one stop bit.
+    const MODE: u32 = 0x08d0;
+    const UART1: u8 = 1;
+    const UBX: u8 = 1;
+    let [m0, m1, m2, m3] = MODE.to_le_bytes();
+    let [b0, b1, b2, b3] = BAUD.to_le_bytes();
+    let mut frame = [
+        SYNC_1, SYNC_2, 0x06, 0x00, 20, 0, // class, id, length
+        UART1, 0, 0, 0, m0, m1, m2, m3, b0, b1, b2, b3, // txReady is off
+        UBX, 0, UBX, 0, 0, 0, 0, 0, // protocols in and out, flags
+        0, 0,
+    ];
+    let [_, _, summed @ .., a, b] = &mut frame;
+    let start = Fletcher::START;
+    [*a, *b] = start.then_all(summed).since(start, summed.len());
+    frame
+}
+
+fn put(buffer: &mut [u8; LONGEST], frame: &[u8]) -> usize {
+    if let Some(space) = buffer.get_mut(..frame.len()) {
+        space.copy_from_slice(frame);
+    }
+    frame.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The frames as pyubx2 and a second encoder give them.
+    #[test]
+    fn frames_are_right_to_the_byte() {
+        let known: [(Setting, &[u8]); 5] = [
+            (
+                Setting::Port,
+                b"\xb5\x62\x06\x00\x14\x00\x01\x00\x00\x00\xd0\x08\x00\x00\x00\xc2\x01\x00\
+                  \x01\x00\x01\x00\x00\x00\x00\x00\xb8\x42",
+            ),
+            (
+                Setting::Rate,
+                b"\xb5\x62\x06\x08\x06\x00\xc8\x00\x01\x00\x00\x00\xdd\x68",
+            ),
+            (
+                Setting::Message,
+                b"\xb5\x62\x06\x01\x03\x00\x01\x07\x01\x13\x51",
+            ),
+            (
+                Setting::Navigation,
+                b"\xb5\x62\x06\x24\x24\x00\x05\x00\x07\x02\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\
+                  \0\0\0\0\0\0\0\0\0\0\0\0\0\0\x5c\xa8",
+            ),
+            (
+                Setting::Pulse,
+                b"\xb5\x62\x06\x31\x20\x00\x00\x01\x00\x00\x00\x00\x00\x00\x40\x42\x0f\x00\
+                  \x40\x42\x0f\x00\x00\x00\x00\x00\xa0\x86\x01\x00\x00\x00\x00\x00\x77\x00\
+                  \x00\x00\x18\x3e",
+            ),
+        ];
+        for (setting, expected) in known {
+            let mut buffer = [0; LONGEST];
+            let length = setting.write(&mut buffer);
+            assert_eq!(buffer.get(..length), Some(expected), "{setting:?}");
+            let (class, id) = setting.message();
+            assert_eq!(expected.get(2..4), Some(&[class, id][..]));
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! Real receivers' bytes, from the line to the clock.
+//!
+//! *Design.* A recording is replayed at 115200 as `world` does it, byte by byte
+//! with its stamp, through `ubx-link` into the clock under its referee. What the
+//! receiver claimed is read from the file by other code than that under test.
+//!
+//! *Limits.* Skipped, and says so, where `PIXCLOCK_CAPTURES` is not set.
+
+use std::path::PathBuf;
+
+use host_tests::clock_board::Board;
+use timebase::{StampedByte, TimeMark};
+use ubx_link::{Event, Link};
+use utc_clock::{ClockState, Outcome, Published, Refusal, Settings};
+use world::{Recording, Talker, ubx};
+
+fn capture(name: &str) -> Option<Vec<u8>> {
+    let Some(folder) = std::env::var_os("PIXCLOCK_CAPTURES") else {
+        println!("SKIPPED: PIXCLOCK_CAPTURES is not set, {name} is not replayed");
+        return None;
+    };
+    let path = PathBuf::from(folder).join(name);
+    Some(std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display())))
+}
+
+/// Each mark of the recording with what it did to the clock.
+fn replay(file: &[u8], board: &mut Board<'_>) -> Vec<(TimeMark, Outcome)> {
+    let mut talker = Recording::new(file).expect("it holds NAV-PVT");
+    let mut link = Link::new();
+    let mut heard = Vec::new();
+    while let Some(due) = talker.next_event() {
+        while let Some(sent) = talker.poll(due) {
+            // The task drains its ring every few ms.
+            for (chunk, bytes) in sent.bytes.chunks(64).enumerate() {
+                let end_of = |index: usize| i64::try_from(sent.byte_end(index).0).expect("short");
+                board.pass_until(end_of(chunk * 64 + bytes.len() - 1));
+                let mut ring = (chunk * 64..).zip(bytes).map(|(index, byte)| StampedByte {
+                    stamp: board.cycles(end_of(index)).stamp(),
+                    byte: *byte,
+                });
+                let now = board.cycles(board.now_ns);
+                let marks: Vec<_> = std::iter::from_fn(|| link.poll(now, || ring.next())).collect();
+                for event in marks {
+                    if let Event::NavPvt { mark, .. } = event {
+                        heard.push((mark, board.handle(&mark)));
+                    }
+                }
+            }
+        }
+    }
+    heard
+}
+
+#[test]
+fn a_cold_start_sets_the_clock_when_the_receiver_is_sure_and_not_before() {
+    let Some(file) = capture("ubx-nav-solutions/coldstart-first-400kB.ubx") else {
+        return;
+    };
+    let valid: Vec<u8> = ubx::find_frames(&file, |class, id, length| {
+        (class, id) == ubx::NAV_PVT && length == ubx::NAV_PVT_LEN
+    })
+    .iter()
+    .map(|frame| frame.payload[11])
+    .collect();
+    let sure = valid.iter().position(|valid| *valid == 0xf7);
+    assert_eq!(sure, Some(50), "of {} epochs", valid.len());
+
+    let line = Published::new();
+    let mut board = Board::new(Settings::DEFAULT, 0, &line);
+    let heard = replay(&file, &mut board);
+    assert_eq!(heard.len(), valid.len());
+    let set = heard
+        .iter()
+        .position(|(_, outcome)| *outcome == Outcome::Set);
+    println!("set at epoch {set:?} of {}", heard.len());
+    assert_eq!(set, sure);
+    for (_, outcome) in &heard[..50] {
+        assert!(matches!(
+            outcome,
+            Outcome::Refused(Refusal::Date | Refusal::Time | Refusal::Unresolved)
+        ));
+    }
+    for (_, outcome) in &heard[51..] {
+        assert!(matches!(outcome, Outcome::Slewed { .. }), "{outcome:?}");
+    }
+    assert_eq!(board.read().state, ClockState::Set);
+    assert_eq!(board.clock.counters().refused(), 50);
+}

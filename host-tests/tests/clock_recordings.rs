@@ -1,0 +1,131 @@
+//! The clock on arrival times that real boards logged.
+//!
+//! *Design.* Each row of a trace is a fix: when it arrived by the board's clock,
+//! and its UTC. The board here has the trace's clock, so that its error is the
+//! clock's. The referee of `clock_board` sees to it that no reading goes back and
+//! the slew limit holds, through stalls and backlogs, too.
+//!
+//! *Limits.* Nobody knows the true time: what is bounded is how far the clock
+//! strays from what the receiver itself said. Skipped, and says so, where
+//! `PIXCLOCK_CAPTURES` is not set.
+
+use std::path::PathBuf;
+
+use host_tests::clock_board::{Board, MS, SECOND};
+use utc_clock::gate::EARLIEST;
+use utc_clock::{Counters, Outcome, Published, Settings, UtcNanos};
+
+/// 3 653 days: what lifts a trace of 2015 over the earliest date.
+const TEN_YEARS: i64 = 3_653 * 86_400 * SECOND;
+
+/// Rows of (arrival, UTC of the epoch), both in ns, the first arrival at 1 s.
+fn trace(name: &str) -> Option<Vec<(i64, UtcNanos)>> {
+    let Some(folder) = std::env::var_os("PIXCLOCK_CAPTURES") else {
+        println!("SKIPPED: PIXCLOCK_CAPTURES is not set, {name} is not replayed");
+        return None;
+    };
+    let path = PathBuf::from(folder).join(name);
+    let text = std::fs::read_to_string(&path)
+        .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let rows: Vec<(i64, i64)> = text
+        .lines()
+        .skip(1)
+        .map(|line| {
+            let (local, utc) = line.split_once(',').expect("two columns");
+            let ns = |us: &str| us.parse::<i64>().expect("a number of us") * 1_000;
+            (ns(local), ns(utc))
+        })
+        .collect();
+    let first = rows[0].0;
+    Some(
+        rows.into_iter()
+            .map(|(local, utc)| (local - first + SECOND, UtcNanos(utc)))
+            .collect(),
+    )
+}
+
+/// UTC less arrival of each row, and the same of the clock after each row.
+struct Run {
+    told_ns: Vec<i64>,
+    clock_ns: Vec<i64>,
+    outcomes: Vec<Outcome>,
+    counters: Counters,
+}
+
+fn run(rows: &[(i64, UtcNanos)]) -> Run {
+    let line = Published::new();
+    let mut board = Board::new(Settings::DEFAULT, 0, &line);
+    let mut clock_ns = Vec::new();
+    let mut outcomes = Vec::new();
+    for (arrival, utc) in rows {
+        outcomes.push(board.hear(*utc, *arrival));
+        board.pass_lead();
+        clock_ns.push(board.read().utc.0 - board.now_ns);
+    }
+    Run {
+        told_ns: rows.iter().map(|(arrival, utc)| utc.0 - arrival).collect(),
+        clock_ns,
+        outcomes,
+        counters: board.clock.counters(),
+    }
+}
+
+#[test]
+fn a_real_flight_keeps_the_clock_within_the_receivers_own_spread() {
+    for name in [
+        "traces/frrs_ekf_failure_vehicle_gps_position0.csv",
+        "traces/satpulse_f10t-tmode.csv",
+        "traces/satpulse_f9p-pvt-out.csv",
+        "traces/satpulse_m8t-tmode.csv",
+    ] {
+        let Some(rows) = trace(name) else { return };
+        let run = run(&rows);
+        assert_eq!(run.counters.refused(), 0, "{name}: {:?}", run.counters);
+        assert_eq!(run.counters.accepted as usize, rows.len());
+        let (least, most) = (run.told_ns.iter().min(), run.told_ns.iter().max());
+        let (least, most) = (*least.expect("rows"), *most.expect("rows"));
+        // One mark's slew beyond, at the longest pause between two fixes.
+        let pause = rows.windows(2).map(|w| w[1].0 - w[0].0).max();
+        let beyond = pause.expect("rows").min(2 * SECOND) / 2_000 + 100;
+        for clock in &run.clock_ns {
+            assert!((least - beyond..=most + beyond).contains(clock), "{name}");
+        }
+    }
+}
+
+#[test]
+fn a_real_stall_of_a_second_and_a_half_leaves_the_clock_where_it_was() {
+    let name = "traces-cc-by-sa/dkla_log171_GPS_TimeUS.csv";
+    let Some(rows) = trace(name) else { return };
+    // Recorded before the earliest date that is believed.
+    let refused = run(&rows).counters;
+    assert_eq!(refused.too_old as usize, rows.len());
+    assert!(rows.iter().all(|(_, utc)| *utc < EARLIEST));
+
+    let later: Vec<_> = rows
+        .iter()
+        .map(|(arrival, utc)| (*arrival, UtcNanos(utc.0 + TEN_YEARS)))
+        .collect();
+    let run = run(&later);
+    let counters = run.counters;
+    println!("{counters:?}");
+    assert_eq!(counters.duplicate_epoch, 1);
+    assert!(counters.outlier >= 1, "the stall is 1.56 s");
+    assert_eq!((counters.steps_forward, counters.steps_back), (0, 0));
+    assert_eq!((counters.sets, counters.epoch_back), (1, 0));
+
+    // The last mark before the silence may slew it by 1 ms, and what is accepted
+    // in the second in which the backlog comes by half of one.
+    let stall = run
+        .outcomes
+        .iter()
+        .position(|outcome| matches!(outcome, Outcome::Refused(_)))
+        .expect("the stall");
+    let backlog = later[stall..]
+        .iter()
+        .take_while(|(arrival, _)| *arrival < later[stall].0 + SECOND)
+        .count();
+    let moved = run.clock_ns[stall + backlog] - run.clock_ns[stall - 1];
+    println!("{moved} ns over the stall and its backlog of {backlog}");
+    assert!(moved.abs() <= 3 * MS / 2, "{moved} ns");
+}

@@ -119,6 +119,7 @@ pub struct UtcClock<'a, W = AtomicU32> {
     gate: Gate,
     discipline: Discipline,
     model: ClockModel,
+    growth: u32,
     frequency: Ppb,
     slew: Ppb,
     /// When the error that is being absorbed will be gone.
@@ -141,6 +142,7 @@ impl<'a, W: Word> UtcClock<'a, W> {
             discipline: Discipline::new(settings.frequency),
             model: ClockModel::BOOT,
             line,
+            growth: model::growth(settings.frequency_doubt),
             frequency: Ppb(0),
             slew: Ppb(0),
             slew_ends: Cycles::BOOT,
@@ -226,7 +228,13 @@ impl<'a, W: Word> UtcClock<'a, W> {
         let told = epoch.plus_nanos(i64::from(self.settings.latency_ns));
         // The course that is to be corrected is the newest one, even if another
         // one still held when the mark arrived.
-        let mut line = self.model.rebased(mark.arrival);
+        let (base, fraction) = self.model.point(mark.arrival);
+        let mut line = ClockModel {
+            at: mark.arrival,
+            base,
+            fraction,
+            ..self.model
+        };
         let outcome;
         let uncertainty_ns;
         if line.quality.state == ClockState::Unset {
@@ -274,7 +282,7 @@ impl<'a, W: Word> UtcClock<'a, W> {
             state: ClockState::Set,
             leap_seconds_known: mark.validity.leap_seconds_known,
             uncertainty_ns: uncertainty_ns.saturating_add(self.settings.latency_doubt_ns),
-            growth: model::growth(self.settings.frequency_doubt),
+            growth: self.growth,
         };
         self.last_arrival = mark.arrival;
         self.steer(&line, now);

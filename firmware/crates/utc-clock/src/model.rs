@@ -15,7 +15,8 @@
 //! then: its readings are the time since boot, and one formula serves always.
 //!
 //! *Limits.* Rates within ±[`MAX_RATE`]. Farther than 25.5 s from `at` a reading
-//! is still exact but takes two multiplications more.
+//! is still exact but takes two multiplications more; farther than 1.8 h nothing
+//! is known about its uncertainty.
 
 use timebase::{CORE_HZ, Cycles};
 
@@ -182,8 +183,11 @@ impl ClockModel {
     const fn uncertainty_at(&self, when: Cycles) -> u32 {
         // Counted in started units of 256 cycles: never too little.
         let units = (when.since(self.at).unsigned_abs() >> 8) + 1;
-        let grown = units.saturating_mul(self.quality.growth as u64) >> 24;
-        let all = grown.saturating_add(self.quality.uncertainty_ns as u64);
+        if units > u32::MAX as u64 {
+            return u32::MAX;
+        }
+        let grown = (units * self.quality.growth as u64) >> 24;
+        let all = grown + self.quality.uncertainty_ns as u64;
         if all > u32::MAX as u64 {
             u32::MAX
         } else {
@@ -192,7 +196,7 @@ impl ClockModel {
     }
 
     /// The line's value at `when` and the fraction behind its point.
-    const fn point(&self, when: Cycles) -> (UtcNanos, u32) {
+    pub(crate) const fn point(&self, when: Cycles) -> (UtcNanos, u32) {
         let distance = when.since(self.at);
         // 2^28 cycles are exactly `mult` ns: what is a multiple of them needs no
         // shift, and the rest is short.

@@ -4,7 +4,7 @@
 //! elapsed time, with the elapsed part read to one cycle and its rate corrected.
 //!
 //! *Design.* As in Linux's timekeeper, steering changes nothing but `mult`. The
-//! fraction of a nanosecond at `at` is part of the model, so [`ClockModel::rebased`]
+//! fraction of a nanosecond at `at` is part of the model, so rebasing it
 //! draws the very same line from a later origin: no reading changes, however
 //! often it is done. `mult` is 1.6 · 10⁹, one unit of it 0.6 ppb, and below 2³¹,
 //! so that within 2³² cycles (25.5 s) of `at` the product and the fraction fit

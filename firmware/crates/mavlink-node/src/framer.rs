@@ -55,11 +55,12 @@ const SIGNED: u8 = 0x01;
 /// Bytes of a signature after the frame's checksum.
 const SIGNATURE_LEN: usize = 13;
 
-/// How many bytes are remembered: a power of two above [`MAX_LENGTH`].
-const RING: usize = 64;
+/// How many positions have a cell: a power of two. The bytes of the longest frame
+/// that is arriving are there, and the ends of candidates that begin in it.
+const RING: usize = 128;
 
 const _: () = {
-    assert!(RING > MAX_LENGTH && MAX_LENGTH - CRC_LEN <= crc::MAX_ZEROS);
+    assert!(RING >= 2 * MAX_LENGTH && MAX_LENGTH - CRC_LEN <= crc::MAX_ZEROS);
     assert!(HEADER_V1 + MIN_PAYLOAD_V1 >= crc::MIN_ZEROS && HEADER_V2 >= crc::MIN_ZEROS);
 };
 

@@ -1,0 +1,439 @@
+//! What a node answers, whom, with which time, and what it leaves alone.
+//!
+//! *Purpose.* The rules of PING, TIMESYNC, commands and of what is told unasked,
+//! on frames of other people's software.
+//!
+//! *Design.* Requests are built without the crate; answers are compared with
+//! frames built without it, or understood by the crate's own client.
+//!
+//! *Limits.* Sockets and times of flight: `cargo xtask ping`, `pymavlink/`.
+
+mod mavlink_frames;
+
+use mavlink_frames::{Frame, SIGNED};
+use mavlink_node::client::{Client, What};
+use mavlink_node::{
+    Address, Ask, Config, Fix, GpsFix, Node, NodeTime, PingReply, Request, Severity, Version,
+};
+use proptest::prelude::*;
+use timebase::{Cycles, Stamp, StampedByte};
+
+/// 2026-11-22 04:00:00.123456789 UTC, 90 s after boot.
+const TIME: NodeTime = NodeTime {
+    boot_us: 90_000_001,
+    utc_ns: Some(1_795_320_000_123_456_789),
+};
+const UTC_US: u64 = 1_795_320_000_123_456;
+const UNSET: NodeTime = NodeTime {
+    boot_us: 90_000_001,
+    utc_ns: None,
+};
+const OURS: [u8; 2] = [1, 1];
+const GROUND: Address = Address {
+    system: 255,
+    component: 190,
+};
+
+fn node() -> Node {
+    Node::new(Config::default())
+}
+
+/// Cycles from a byte to the next at 115200 baud.
+const BYTE: u32 = 14_583;
+
+/// Feeds bytes at line rate, the first one at `at`; each is handed over 300 µs late.
+fn feed(node: &mut Node, at: u64, bytes: &[u8]) -> Vec<Request> {
+    let arrivals = (0..).map(|nth: u64| at + nth * u64::from(BYTE));
+    arrivals
+        .zip(bytes)
+        .filter_map(|(arrival, &byte)| {
+            let stamp = Stamp(arrival as u32);
+            node.receive(StampedByte { stamp, byte }, Cycles(arrival + 50_400))
+        })
+        .collect()
+}
+
+/// The only request in `bytes`.
+fn ask(node: &mut Node, bytes: &[u8]) -> Request {
+    let requests = feed(node, 1 << 40, bytes);
+    assert_eq!(requests.len(), 1, "{bytes:02x?}");
+    requests[0]
+}
+
+fn hex(digits: &str) -> Vec<u8> {
+    (0..digits.len() / 2)
+        .map(|nth| u8::from_str_radix(&digits[2 * nth..2 * nth + 2], 16).expect("hex"))
+        .collect()
+}
+
+#[test]
+fn frames_of_other_peoples_software() {
+    let ping = |time_usec, seq| Ask::Ping { time_usec, seq };
+    let requests = [
+        // pymavlink in MAVLink 1 and 2, MAVSDK, MAVProxy's `ping`.
+        (
+            "fe0e00ffbe040000a40731af0500010000000000ed99",
+            Version::V1,
+            190,
+            ping(0x0005_af31_07a4_0000, 1),
+        ),
+        (
+            "fd09000000ffbe0400000000a40731af050001b8e3",
+            Version::V2,
+            190,
+            ping(0x0005_af31_07a4_0000, 1),
+        ),
+        (
+            "fd04000000f5be04000015ee359b5d43",
+            Version::V2,
+            190,
+            ping(0x9b35_ee15, 0),
+        ),
+        (
+            "fd10000000ffbe6f000000000000000000000000a0d885573416ce74",
+            Version::V2,
+            190,
+            Ask::TimeSync {
+                ts1: i64::from_le_bytes([0, 0, 0xa0, 0xd8, 0x85, 0x57, 0x34, 0x16]),
+            },
+        ),
+    ];
+    for (digits, version, component, what) in requests {
+        let request = ask(&mut node(), &hex(digits));
+        assert_eq!(request.version, version, "{digits}");
+        assert_eq!(request.from.component, component, "{digits}");
+        assert_eq!(request.ask, what, "{digits}");
+    }
+}
+
+#[test]
+fn a_request_carries_the_arrival_of_its_first_byte() {
+    // Across a wrap of the 32-bit stamps, in the middle of the frame, too.
+    for start in [0, 12_345, (1 << 32) - 100_000, (7 << 32) - 5] {
+        for v2 in [false, true] {
+            let requests = feed(&mut node(), start, &Frame::ping(v2, 3, 0).bytes());
+            assert_eq!(requests[0].arrival, Cycles(start));
+        }
+    }
+}
+
+#[test]
+fn ping_is_answered_with_the_time_of_its_arrival() {
+    for v2 in [false, true] {
+        let mut node = node();
+        let request = ask(&mut node, &Frame::ping(v2, 77, 0).bytes());
+        for (time, time_usec) in [(TIME, UTC_US), (UNSET, UNSET.boot_us)] {
+            let mut payload = time_usec.to_le_bytes().to_vec();
+            payload.extend(77_u32.to_le_bytes());
+            payload.extend([255, 190]);
+            let expected = Frame {
+                system: 1,
+                component: 1,
+                sequence: u8::from(time == UNSET),
+                ..Frame::message(v2, 4, 237, payload)
+            };
+            assert_eq!(*node.answer(&request, time), expected.bytes());
+        }
+        assert_eq!(node.counters().pings, 1);
+    }
+}
+
+#[test]
+fn ping_echoes_where_that_is_wanted() {
+    let mut node = Node::new(Config {
+        ping_reply: PingReply::Echo,
+        ..Config::default()
+    });
+    let request = ask(&mut node, &Frame::ping(true, 5, 0).bytes());
+    let answer = node.answer(&request, TIME);
+    assert_eq!(
+        heard(&answer),
+        Some(What::Ping {
+            time_usec: 2,
+            seq: 5,
+            target: GROUND
+        })
+    );
+}
+
+#[test]
+fn a_ping_with_a_target_is_never_answered() {
+    let mut node = node();
+    for target in [1, 2, 255] {
+        for v2 in [false, true] {
+            assert_eq!(feed(&mut node, 0, &Frame::ping(v2, 1, target).bytes()), []);
+        }
+    }
+    // Nor is what this node itself answers, which the line may echo.
+    let request = ask(&mut node, &Frame::ping(true, 5, 0).bytes());
+    let answer = node.answer(&request, TIME);
+    assert_eq!(feed(&mut node, 0, &answer), []);
+    assert_eq!(node.counters().answers, 7);
+    assert_eq!(node.counters().pings, 1);
+}
+
+#[test]
+fn timesync_keeps_ts1_and_tells_our_time() {
+    for v2 in [false, true] {
+        for ts1 in [0, 1, -1, i64::MIN, i64::MAX] {
+            let mut node = node();
+            let request = ask(&mut node, &Frame::timesync(v2, 0, ts1, [0, 0]).bytes());
+            for (time, tc1) in [
+                (TIME, 1_795_320_000_123_456_789),
+                (UNSET, 90_000_001_000),
+                (
+                    NodeTime {
+                        boot_us: 0,
+                        utc_ns: None,
+                    },
+                    1,
+                ),
+            ] {
+                let answer = node.answer(&request, time);
+                assert_eq!(heard(&answer), Some(What::TimeSync { tc1, ts1 }));
+            }
+            let Frame { payload, .. } = Frame::timesync(v2, TIME.utc_ns.unwrap(), ts1, [255, 190]);
+            let answer = node.answer(&request, TIME);
+            assert!(
+                answer
+                    .windows(payload.len())
+                    .any(|window| window == payload)
+            );
+        }
+    }
+}
+
+#[test]
+fn timesync_of_and_for_others_is_left_alone() {
+    let mut node = node();
+    for bytes in [
+        Frame::timesync(true, 5, 7, [0, 0]).bytes(),
+        Frame::timesync(true, 5, 7, OURS).bytes(),
+        Frame::timesync(false, -5, 7, OURS).bytes(),
+    ] {
+        assert_eq!(feed(&mut node, 0, &bytes), []);
+    }
+    assert_eq!(node.counters().answers, 3);
+    for target in [[2, 1], [1, 2]] {
+        assert_eq!(
+            feed(&mut node, 0, &Frame::timesync(true, 0, 7, target).bytes()),
+            []
+        );
+    }
+    assert_eq!(node.counters().for_others, 2);
+    ask(&mut node, &Frame::timesync(true, 0, 7, OURS).bytes());
+    ask(&mut node, &Frame::timesync(true, 0, 7, [1, 0]).bytes());
+    assert_eq!(node.counters().timesyncs, 2);
+}
+
+#[test]
+fn commands_to_us_are_refused_whatever_their_number() {
+    // REQUEST_MESSAGE, REQUEST_AUTOPILOT_CAPABILITIES, and numbers nobody knows.
+    for number in [512, 520, 0, 6, 49_999, u16::MAX] {
+        for frame in [
+            Frame::command_long(false, number, OURS),
+            Frame::command_long(true, number, OURS),
+            Frame::command_int(false, number, OURS),
+            Frame::command_int(true, number, OURS),
+            Frame::command_long(true, number, [1, 0]),
+        ] {
+            let mut node = node();
+            let request = ask(&mut node, &frame.bytes());
+            assert_eq!(request.ask, Ask::Command { number });
+            // COMMAND_ACK: number, MAV_RESULT_UNSUPPORTED; extensions progress,
+            // result_param2, target.
+            let mut payload = number.to_le_bytes().to_vec();
+            payload.push(3);
+            if frame.v2 {
+                payload.extend([0, 0, 0, 0, 0, 255, 190]);
+            }
+            let expected = Frame {
+                system: 1,
+                component: 1,
+                ..Frame::message(frame.v2, 77, 143, payload)
+            };
+            assert_eq!(*node.answer(&request, TIME), expected.bytes());
+        }
+    }
+}
+
+#[test]
+fn commands_to_others_and_to_everybody_are_left_alone() {
+    let mut node = node();
+    for target in [[2, 1], [1, 2], [0, 0], [0, 1]] {
+        for frame in [
+            Frame::command_long(false, 512, target),
+            Frame::command_int(true, 512, target),
+        ] {
+            assert_eq!(feed(&mut node, 0, &frame.bytes()), []);
+        }
+    }
+    assert_eq!(node.counters().commands, 0);
+    assert_eq!(node.counters().for_others, 8);
+}
+
+#[test]
+fn a_signed_request_is_answered_unsigned() {
+    let mut node = node();
+    let signed = Frame {
+        flags: SIGNED,
+        ..Frame::ping(true, 9, 0)
+    };
+    let request = ask(&mut node, &signed.bytes());
+    let answer = node.answer(&request, TIME);
+    assert_eq!(answer[2], 0, "no flag");
+    assert_eq!(node.counters().framing.signed, 1);
+}
+
+#[test]
+fn foreign_messages_do_no_harm() {
+    let mut node = node();
+    let mut stream =
+        b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n".to_vec();
+    stream.extend(Frame::message(true, 0, 50, vec![0, 0, 0, 0, 6, 8, 0, 0, 3]).bytes());
+    stream.extend(Frame::message(false, 21, 159, vec![1, 1]).bytes());
+    // An unknown message with an id above 16 bits, and one with the id of PING
+    // in its lowest byte only.
+    stream.extend(Frame::message(true, 0x0001_0004, 1, vec![7; 14]).bytes());
+    stream.extend(Frame::message(true, 0x0100 + 4, 1, vec![7; 14]).bytes());
+    let foreign = stream.len() as u32;
+    stream.extend(Frame::ping(true, 1, 0).bytes());
+    assert_eq!(feed(&mut node, 0, &stream).len(), 1);
+    assert_eq!(node.counters().framing.foreign_bytes, foreign);
+}
+
+#[test]
+fn broadcasts_follow_the_version_that_is_spoken() {
+    let mut node = node();
+    assert_eq!(node.heartbeat(UNSET)[0], 0xfe);
+    ask(&mut node, &Frame::ping(false, 1, 0).bytes());
+    assert_eq!(
+        node.heartbeat(UNSET)[0],
+        0xfe,
+        "MAVLink 1 as long as nothing else is heard"
+    );
+    ask(&mut node, &Frame::ping(true, 1, 0).bytes());
+    ask(&mut node, &Frame::ping(false, 1, 0).bytes());
+    assert_eq!(
+        node.heartbeat(UNSET)[0],
+        0xfd,
+        "MAVLink 2 once it was heard"
+    );
+}
+
+#[test]
+fn what_is_told_unasked() {
+    for v2 in [false, true] {
+        let mut node = node();
+        if v2 {
+            ask(&mut node, &Frame::ping(true, 1, 0).bytes());
+        }
+        let frame = |sequence, id, extra, payload: Vec<u8>| {
+            let (system, component) = (1, 1);
+            Frame {
+                sequence,
+                system,
+                component,
+                ..Frame::message(v2, id, extra, payload)
+            }
+            .bytes()
+        };
+        // GENERIC, GENERIC; MAV_STATE_BOOT, then ACTIVE; version 3.
+        let booting = frame(0, 0, 50, vec![0, 0, 0, 0, 0, 0, 0, 1, 3]);
+        let active = frame(1, 0, 50, vec![0, 0, 0, 0, 0, 0, 0, 4, 3]);
+        assert_eq!(*node.heartbeat(UNSET), booting);
+        assert_eq!(*node.heartbeat(TIME), active);
+
+        let time = |unix_us: u64| [&unix_us.to_le_bytes()[..], &90_000_u32.to_le_bytes()].concat();
+        assert_eq!(*node.system_time(UNSET), frame(2, 2, 137, time(0)));
+        assert_eq!(*node.system_time(TIME), frame(3, 2, 137, time(UTC_US)));
+
+        let fix = GpsFix {
+            fix: Fix::ThreeD,
+            latitude_e7: 473_977_420,
+            longitude_e7: 85_455_940,
+            altitude_msl_mm: 488_100,
+            altitude_ellipsoid_mm: 535_200,
+            hdop_e2: 80,
+            ground_speed_cm_s: 12,
+            course_e2: 35_999,
+            satellites: 17,
+            horizontal_accuracy_mm: 1_200,
+            ..GpsFix::NONE
+        };
+        let mut payload = UTC_US.to_le_bytes().to_vec();
+        payload.extend(473_977_420_i32.to_le_bytes());
+        payload.extend(85_455_940_i32.to_le_bytes());
+        payload.extend(488_100_i32.to_le_bytes());
+        payload.extend([80, 0, 0xff, 0xff, 12, 0, 0x9f, 0x8c, 3, 17]);
+        if v2 {
+            payload.extend(535_200_i32.to_le_bytes());
+            payload.extend(1_200_u32.to_le_bytes());
+        }
+        assert_eq!(*node.gps_raw_int(TIME, &fix), frame(4, 24, 24, payload));
+
+        let mut payload = vec![4];
+        payload.extend(b"clock set");
+        payload.resize(51, 0);
+        assert_eq!(
+            *node.statustext(Severity::Warning, "clock set"),
+            frame(5, 253, 83, payload)
+        );
+        let long = node.statustext(Severity::Info, &"x".repeat(200));
+        assert_eq!(long.len(), if v2 { 63 } else { 59 });
+    }
+}
+
+/// What the client makes of a node's frame.
+fn heard(frame: &[u8]) -> Option<What> {
+    let mut client = Client::new(GROUND, Version::V2);
+    let stamp = Stamp(0);
+    let mut heard = frame
+        .iter()
+        .filter_map(|&byte| client.receive(StampedByte { stamp, byte }));
+    heard.next().map(|heard| heard.what)
+}
+
+proptest! {
+    #[test]
+    fn the_client_and_the_node_understand_each_other(
+        time_usec: u64,
+        seq: u32,
+        utc_ns in prop::option::of(0..i64::MAX),
+        boot_us in 0..u64::MAX / 1_000,
+        v2: bool,
+    ) {
+        let version = if v2 { Version::V2 } else { Version::V1 };
+        let mut client = Client::new(GROUND, version);
+        let mut node = node();
+        let request = ask(&mut node, &client.ping(time_usec, seq));
+        prop_assert_eq!(request.ask, Ask::Ping { time_usec, seq });
+        prop_assert_eq!(request.from, GROUND);
+        let time = NodeTime { boot_us, utc_ns };
+        let us = utc_ns.map_or(boot_us, |ns| (ns / 1_000) as u64);
+        prop_assert_eq!(
+            heard(&node.answer(&request, time)),
+            Some(What::Ping { time_usec: us, seq, target: GROUND })
+        );
+        prop_assert_eq!(
+            heard(&node.system_time(time)),
+            Some(What::SystemTime {
+                time_unix_usec: utc_ns.map_or(0, |ns| (ns / 1_000) as u64),
+                time_boot_ms: (boot_us / 1_000) as u32,
+            })
+        );
+        prop_assert_eq!(heard(&node.heartbeat(time)), Some(What::Heartbeat));
+    }
+
+    #[test]
+    fn no_bytes_make_a_node_panic(stream: Vec<u8>, times: (u64, Option<i64>)) {
+        let mut node = node();
+        let time = NodeTime { boot_us: times.0, utc_ns: times.1 };
+        for request in feed(&mut node, 0, &stream) {
+            prop_assert!(!node.answer(&request, time).is_empty());
+        }
+        node.heartbeat(time);
+        node.system_time(time);
+        node.gps_raw_int(time, &GpsFix::NONE);
+    }
+}

@@ -282,6 +282,8 @@ impl Session {
         if self.heard.take().is_some() {
             self.rate = 0;
         } else {
+            // Past the last of the round before, and past its first.
+            self.next_rate();
             self.next_rate();
         }
         self.attempts = 1;

@@ -1,0 +1,121 @@
+//! What the tests of the receiver's line share: bytes with stamps, and the judge.
+//!
+//! *Purpose.* To say what must come out of a stretch of line, with no code of
+//! `ubx-link`'s: the brute force of `world::ubx` and fields read by their offsets.
+//!
+//! *Design.* Byte `n` is stamped as 115200 baud would have it. So a time mark's
+//! arrival tells at which byte its frame began.
+//!
+//! *Limits.* Of a NAV-PVT all that `ubx-link` hands on is compared, nothing else.
+#![allow(dead_code, reason = "each test file uses its own part of it")]
+
+use timebase::{CivilTime, Cycles, StampedByte, TimeMark, Validity};
+use ubx_link::{Event, Fix, Link};
+use world::ubx::{self, Found};
+
+/// Cycles that a byte takes at 115200: 168 MHz · 10 / 115200, rounded.
+pub const BYTE: u64 = 14_583;
+
+/// When byte `index` of a stretch has arrived.
+pub fn arrival(index: usize) -> Cycles {
+    Cycles((index as u64 + 1) * BYTE)
+}
+
+/// `bytes`, stamped one after another from boot on.
+pub fn stamped(bytes: &[u8]) -> Vec<StampedByte> {
+    let stamp = |(index, byte): (usize, &u8)| StampedByte {
+        stamp: arrival(index).stamp(),
+        byte: *byte,
+    };
+    bytes.iter().enumerate().map(stamp).collect()
+}
+
+/// Lets `link` take `bytes`: all events.
+pub fn drain(link: &mut Link, now: Cycles, bytes: &[StampedByte]) -> Vec<Event> {
+    let mut bytes = bytes.iter().copied();
+    core::iter::from_fn(|| link.poll(now, || bytes.next())).collect()
+}
+
+/// Lets `link` hear `bytes` in pieces of the lengths `cuts`, over and over, and
+/// then an idle line.
+pub fn hear(link: &mut Link, bytes: &[u8], cuts: &[usize]) -> Vec<Event> {
+    let line = stamped(bytes);
+    let mut events = Vec::new();
+    let mut rest = &line[..];
+    let mut done = 0;
+    for cut in cuts.iter().cycle() {
+        let (piece, behind) = rest.split_at((*cut).min(rest.len()));
+        done += piece.len();
+        events.extend(drain(link, arrival(done), piece));
+        rest = behind;
+        if rest.is_empty() {
+            break;
+        }
+    }
+    // Two polls: one may still be about what a good frame had behind it.
+    let idle = arrival(done).plus(u64::from(ubx_link::IDLE));
+    events.extend(drain(link, idle, &[]));
+    events.extend(drain(link, idle, &[]));
+    events
+}
+
+/// Whether a frame is of a kind that we use.
+pub fn ours(class: u8, id: u8, length: usize) -> bool {
+    matches!(
+        (class, id, length),
+        (0x01, 0x07, 92) | (0x05, 0x00 | 0x01, 2)
+    )
+}
+
+/// What must come out of `bytes` when they are heard from boot on.
+pub fn expected(bytes: &[u8]) -> Vec<Event> {
+    ubx::find_frames(bytes, ours).iter().map(event).collect()
+}
+
+fn event(frame: &Found<'_>) -> Event {
+    let p = frame.payload;
+    if frame.class == 0x05 {
+        let (class, id) = (p[0], p[1]);
+        return match frame.id {
+            1 => Event::Ack { class, id },
+            _ => Event::Nak { class, id },
+        };
+    }
+    let four = |at: usize| u32::from_le_bytes([p[at], p[at + 1], p[at + 2], p[at + 3]]);
+    let two = |at: usize| u16::from_le_bytes([p[at], p[at + 1]]);
+    Event::NavPvt {
+        mark: TimeMark {
+            arrival: arrival(frame.offset),
+            epoch: CivilTime {
+                year: two(4),
+                month: p[6],
+                day: p[7],
+                hour: p[8],
+                minute: p[9],
+                second: p[10],
+                nano: four(16).cast_signed(),
+            },
+            t_acc_ns: four(12),
+            validity: Validity {
+                date: p[11] & 1 != 0,
+                time: p[11] & 2 != 0,
+                fully_resolved: p[11] & 4 != 0,
+                confirmed: p[22] & 0x80 != 0,
+                leap_seconds_known: p[11] & 0xf0 != 0xf0,
+            },
+        },
+        fix: Fix {
+            fix_type: p[20],
+            fix_ok: p[21] & 1 != 0,
+            satellites: p[23],
+            longitude_1e7_deg: four(24).cast_signed(),
+            latitude_1e7_deg: four(28).cast_signed(),
+            height_msl_mm: four(36).cast_signed(),
+            horizontal_accuracy_mm: four(40),
+            vertical_accuracy_mm: four(44),
+            ground_speed_mm_s: four(60).cast_signed(),
+            heading_1e5_deg: four(64).cast_signed(),
+            pdop_1e2: two(76),
+        },
+    }
+}

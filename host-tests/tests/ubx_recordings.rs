@@ -1,0 +1,96 @@
+//! Recordings of real receivers: every intact frame of ours comes out, and nothing
+//! else.
+//!
+//! The counts were made with a brute force outside of this project (each offset
+//! whose sync, length and checksum hold, from the left, not overlapping) and agree
+//! with pyubx2 1.4.0 on every file, the damaged ones included.
+
+use std::path::PathBuf;
+
+use ubx_link::{Event, Link};
+
+mod ubx_line;
+
+/// File, NAV-PVT of 92 bytes, ACK-ACK, ACK-NAK.
+const COUNTS: [(&str, [u32; 3]); 23] = [
+    ("ubx-gpsd/navisys-gr8013.log", [35, 0, 0]),
+    ("ubx-gpsd/ublox-lea-m8f.log", [28, 39, 4]),
+    ("ubx-gpsd/ublox-neo-m8n.log", [24, 0, 0]),
+    ("ubx-gpsd/ublox-neo-m8p.log", [59, 0, 0]),
+    ("ubx-gpsd/ublox-zed-f9r.log", [30, 0, 0]),
+    ("ubx-gpsd/ublox-zed-f9t-rtcm3.log", [26, 0, 0]),
+    ("ubx-gpsd/ublox8-uniqid-monhw.log", [7, 31, 2]),
+    ("ubx-pyubx2/pygpsdata-BADCK2.log", [1, 0, 0]),
+    ("ubx-pyubx2/pygpsdata-BADEOF1.log", [1, 0, 0]),
+    ("ubx-pyubx2/pygpsdata-BADEOF2.log", [1, 0, 0]),
+    ("ubx-pyubx2/pygpsdata-BADEOF3.log", [1, 0, 0]),
+    ("ubx-pyubx2/pygpsdata-BADNMEAEOF.log", [2, 0, 0]),
+    ("ubx-pyubx2/pygpsdata-MIXED-RTCM3.log", [1, 0, 0]),
+    ("ubx-pyubx2/pygpsdata-MIXED-RTCM3BADCRC.log", [1, 0, 0]),
+    ("ubx-pyubx2/pygpsdata-MIXED3.log", [3, 0, 0]),
+    ("ubx-pyubx2/pygpsdata-MIXED3BADCK.log", [1, 0, 0]),
+    ("ubx-nav-solutions/coldstart-first-400kB.ubx", [88, 0, 0]),
+    ("ubx-satpulse/f10t-tmode_navpvt.ubx", [8, 0, 0]),
+    ("ubx-satpulse/f9p-pvt-out_navpvt.ubx", [12, 0, 0]),
+    ("ubx-satpulse/m8-tmode_navpvt.ubx", [7, 0, 0]),
+    ("ubx-satpulse/m8t-binary_navpvt.ubx", [3, 0, 0]),
+    ("ubx-satpulse/m8t-pps_navpvt.ubx", [6, 0, 0]),
+    ("ubx-satpulse/m8t-tmode_navpvt.ubx", [5, 0, 0]),
+];
+
+/// The folder of the recordings; says so if there is none.
+fn captures() -> Option<PathBuf> {
+    let folder = std::env::var_os("PIXCLOCK_CAPTURES").map(PathBuf::from);
+    if folder.is_none() {
+        println!("SKIPPED: PIXCLOCK_CAPTURES does not name the folder of recordings");
+    }
+    folder
+}
+
+#[test]
+fn every_intact_frame_comes_out() {
+    let Some(folder) = captures() else { return };
+    for (file, [nav_pvts, acks, naks]) in COUNTS {
+        let bytes = std::fs::read(folder.join(file)).expect(file);
+        // The cutting of a 1 ms poll at 115200, of a byte at a time, of bursts.
+        for cuts in [&[11, 12][..], &[1], &[999, 3, 47]] {
+            let mut link = Link::new();
+            let events = ubx_line::hear(&mut link, &bytes, cuts);
+            assert_eq!(events, ubx_line::expected(&bytes), "{file}");
+            let counters = link.counters();
+            assert_eq!(
+                [counters.nav_pvts, counters.acks, counters.naks],
+                [nav_pvts, acks, naks],
+                "{file}"
+            );
+            let good = nav_pvts * 100 + (acks + naks) * 10;
+            assert_eq!(good + counters.foreign_bytes, bytes.len() as u32, "{file}");
+            assert_eq!(counters.refused, 0, "{file}");
+        }
+    }
+}
+
+#[test]
+fn a_cold_start_is_told_as_it_was() {
+    let Some(folder) = captures() else { return };
+    let file = "ubx-nav-solutions/coldstart-first-400kB.ubx";
+    let bytes = std::fs::read(folder.join(file)).expect(file);
+    let events = ubx_line::hear(&mut Link::new(), &bytes, &[64]);
+    let resolved: Vec<bool> = events
+        .iter()
+        .map(|event| match event {
+            Event::NavPvt { mark, .. } => mark.validity.fully_resolved,
+            _ => panic!("only NAV-PVT stands in it"),
+        })
+        .collect();
+    assert_eq!(resolved.iter().position(|resolved| *resolved), Some(50));
+    for event in &events[30..50] {
+        let Event::NavPvt { mark, fix } = event else {
+            panic!("only NAV-PVT stands in it")
+        };
+        // A 3D fix, and a time that nobody should believe.
+        assert_eq!((fix.fix_type, mark.t_acc_ns), (3, u32::MAX));
+        assert!(mark.validity.date && mark.validity.time);
+        assert!(!mark.validity.leap_seconds_known);
+    }
+}

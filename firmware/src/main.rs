@@ -11,6 +11,8 @@
 //! passes there too.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
+#[cfg(all(target_os = "none", feature = "bench"))]
+mod bench;
 #[cfg(target_os = "none")]
 mod board;
 #[cfg(target_os = "none")]

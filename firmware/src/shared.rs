@@ -15,7 +15,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use mavlink_node::NodeTime;
 use timebase::Cycles;
-use ubx_link::{Fix, LinkCounters};
+use ubx_link::{Fix, LinkCounters, SessionCounters};
 use utc_clock::{ClockState, Outcome, Published};
 
 use crate::drivers::uart::LineErrors;
@@ -46,6 +46,8 @@ pub fn node_time(when: Cycles) -> NodeTime {
 pub struct GnssReport {
     /// Bytes and frames on the receiver's line.
     pub link: LinkCounters,
+    /// The receiver's configuration.
+    pub session: SessionCounters,
     /// Marks and what became of them.
     pub clock: utc_clock::Counters,
     /// Errors of the line itself.

@@ -48,6 +48,10 @@ fn main() -> ! {
         };
         patient.spawn(led);
         patient.spawn(status);
+        #[cfg(feature = "bench")]
+        if let Ok(bench) = crate::bench::run() {
+            patient.spawn(bench);
+        }
     })
 }
 

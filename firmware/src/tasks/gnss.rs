@@ -1,9 +1,9 @@
-//! The GNSS task: bytes in, marks to the clock, the clock to everybody.
+//! The GNSS task: bytes in, marks to the clock, and the receiver's configuration.
 
 use embassy_futures::select::select;
 use embassy_time::{Instant, Timer};
 use timebase::{CORE_HZ, Cycles, TimeMark};
-use ubx_link::{Event, Link};
+use ubx_link::{Action, Event, Fix, Link, Session};
 use utc_clock::{Outcome, Settings, UtcClock};
 
 use crate::drivers::time;
@@ -11,53 +11,106 @@ use crate::drivers::uart::{Reader, Writer};
 use crate::settings;
 use crate::shared::{CLOCK, GNSS, GnssReport, NEWS};
 
-/// From report to report: 1 s.
+/// From report to report, in cycles: 1 s.
 const REPORT_EVERY: u64 = CORE_HZ as u64;
+
+/// How often it is looked whether a frame has left the wire, in cycles: 1 ms. Only
+/// while the receiver is being configured.
+const LOOK_EVERY: u64 = CORE_HZ as u64 / 1_000;
 
 /// Runs for ever, on the interrupt-level executor.
 #[embassy_executor::task]
 pub async fn run(mut reader: Reader, mut writer: Writer) {
-    let mut link = Link::new();
-    let mut clock = UtcClock::new(
-        Settings {
-            latency_ns: settings::LATENCY_NS,
-            ..Settings::DEFAULT
-        },
-        &CLOCK,
-    );
-    let mut fix = None;
+    let mut receiver = Receiver::new();
     let mut report_due = Cycles::BOOT;
     loop {
+        receiver.listen(&mut reader);
+        let session_due = receiver.configure(&mut writer);
+        receiver.clock.handle_timeout(time::now());
         let now = time::now();
-        while let Some(event) = link.poll(now, || reader.take()) {
-            match event {
-                Event::NavPvt {
-                    mark,
-                    fix: solution,
-                } => {
-                    fix = Some((mark.arrival, solution));
-                    follow(&mut clock, &mark);
-                }
-                Event::Ack { .. } | Event::Nak { .. } => {}
-            }
-        }
-        clock.handle_timeout(time::now());
         if now >= report_due {
             report_due = now.plus(REPORT_EVERY);
-            GNSS.tell(GnssReport {
-                link: link.counters(),
-                clock: clock.counters(),
-                line: reader.errors(),
-                fix,
-            });
+            GNSS.tell(receiver.report(&reader));
         }
-        let due = clock.poll_timeout().min(report_due);
+        let due = receiver.clock.poll_timeout().min(report_due);
+        let due = session_due.map_or(due, |session| due.min(session));
         select(reader.wait(), Timer::at(first_instant_after(due))).await;
     }
 }
 
+/// The state machines that the receiver's bytes go through.
+struct Receiver {
+    link: Link,
+    session: Session,
+    clock: UtcClock<'static>,
+    /// A frame of the session's is on its way out.
+    is_sending: bool,
+    /// The last solution, and when it arrived.
+    fix: Option<(Cycles, Fix)>,
+}
+
+impl Receiver {
+    fn new() -> Self {
+        let settings = Settings {
+            latency_ns: settings::LATENCY_NS,
+            ..Settings::DEFAULT
+        };
+        Self {
+            link: Link::new(),
+            session: Session::new(),
+            clock: UtcClock::new(settings, &CLOCK),
+            is_sending: false,
+            fix: None,
+        }
+    }
+
+    /// Takes what has come in.
+    fn listen(&mut self, reader: &mut Reader) {
+        let now = time::now();
+        while let Some(event) = self.link.poll(now, || reader.take()) {
+            self.session.handle_event(now, &event);
+            if let Event::NavPvt { mark, fix } = event {
+                self.fix = Some((mark.arrival, fix));
+                follow(&mut self.clock, &mark);
+            }
+        }
+    }
+
+    /// Does what the session asks for; when it wants to be asked again.
+    fn configure(&mut self, writer: &mut Writer) -> Option<Cycles> {
+        let now = time::now();
+        if self.is_sending && writer.is_idle() {
+            self.is_sending = false;
+            self.session.handle_sent(now);
+        }
+        while let Some(action) = self.session.poll(now) {
+            match action {
+                Action::SetBaud(baud) => writer.set_baud(baud),
+                Action::Transmit(frame) => {
+                    writer.send(frame);
+                    self.is_sending = true;
+                }
+            }
+        }
+        if self.is_sending {
+            return Some(now.plus(LOOK_EVERY));
+        }
+        self.session.poll_timeout()
+    }
+
+    fn report(&self, reader: &Reader) -> GnssReport {
+        GnssReport {
+            link: self.link.counters(),
+            session: self.session.counters(),
+            clock: self.clock.counters(),
+            line: reader.errors(),
+            fix: self.fix,
+        }
+    }
+}
+
 /// Gives a mark to the clock, and tells what came of it.
-fn follow(clock: &mut UtcClock<'_>, mark: &TimeMark) {
+fn follow(clock: &mut UtcClock<'static>, mark: &TimeMark) {
     let outcome = clock.handle_mark(mark, time::now());
     match outcome {
         Outcome::Set => defmt::info!("the clock is set"),

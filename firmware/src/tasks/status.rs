@@ -71,6 +71,7 @@ impl Format for Gnss {
         let Some(report) = self.0 else { return };
         nonzero!(f, report.link, "gps_": bad_checksums, truncated, refused, false_lengths,
             other_messages, lone_syncs, nmea_starts, foreign_bytes);
+        nonzero!(f, report.session, "cfg_": rounds, attempts, accepted, refused, unanswered);
         nonzero!(f, report.line, "gps_": overrun, framing, noise, incoming_full, outgoing_full);
     }
 }

@@ -24,6 +24,10 @@ pub const MAX_BOARDS: u16 = 16;
 /// The last port that leaves room for every board after the first.
 const MAX_PORT: i64 = (u16::MAX - (MAX_BOARDS - 1)) as i64;
 
+/// What a receiver can tell, as far as the firmware's calendar goes.
+const FIRST_YEAR: i16 = 1_980;
+const LAST_YEAR: i16 = 2_100;
+
 /// UTC in ns since 1970, as the option `--start` names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct UtcNanos(pub i64);
@@ -89,9 +93,14 @@ fn parse_utc(text: &str) -> Result<UtcNanos, String> {
     let time: jiff::Timestamp = text.parse().map_err(|error: jiff::Error| {
         format!("{error}; wanted is a time as in 2026-11-22T04:00:00Z")
     })?;
-    i64::try_from(time.as_nanosecond())
-        .map(UtcNanos)
-        .map_err(|_| "outside 1677 to 2262, the years that 64-bit nanoseconds reach".to_owned())
+    let years = FIRST_YEAR..=LAST_YEAR;
+    let year = time.to_zoned(jiff::tz::TimeZone::UTC).year();
+    match i64::try_from(time.as_nanosecond()) {
+        Ok(utc_ns) if years.contains(&year) => Ok(UtcNanos(utc_ns)),
+        _ => Err(format!(
+            "wanted is a time of the years {FIRST_YEAR} to {LAST_YEAR}"
+        )),
+    }
 }
 
 #[cfg(test)]

@@ -22,7 +22,8 @@ use anyhow::{Context as _, bail, ensure};
 use object::{Object as _, ObjectSection as _, ObjectSymbol as _};
 use rigless::image::Image;
 
-/// Names the image that tests run; `cargo xtask board-test` sets it.
+/// Names the image that tests run, the one that is flashed; `cargo xtask board-test`
+/// sets it.
 pub const IMAGE_VARIABLE: &str = "PIXCLOCK_IMAGE";
 
 /// Where the bootloader is, and where the application begins behind it.
@@ -63,15 +64,15 @@ impl Firmware {
         Self::parse(path, elf).with_context(|| format!("in {}", path.display()))
     }
 
-    /// The image that the environment names in [`IMAGE_VARIABLE`]; `None`, and a
-    /// line on standard error that says so, if it names none.
+    /// The image that the environment names in `variable`; `None`, and a line on
+    /// standard error that says so, if it names none.
     ///
     /// # Errors
     ///
     /// As for [`Firmware::read`].
-    pub fn from_environment() -> anyhow::Result<Option<Self>> {
-        let Some(path) = std::env::var_os(IMAGE_VARIABLE) else {
-            eprintln!("SKIPPED: {IMAGE_VARIABLE} is not set; `cargo xtask board-test` sets it");
+    pub fn from_variable(variable: &str) -> anyhow::Result<Option<Self>> {
+        let Some(path) = std::env::var_os(variable) else {
+            eprintln!("SKIPPED: {variable} is not set; `cargo xtask board-test` sets it");
             return Ok(None);
         };
         Self::read(Path::new(&path)).map(Some)

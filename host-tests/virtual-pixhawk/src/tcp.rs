@@ -133,3 +133,69 @@ impl Talker for TcpLine {
         &[]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    /// Polls `line` as a run does, in time that is not the host's, until it has
+    /// something or ten seconds of the host's have passed.
+    fn poll_patiently(line: &mut TcpLine) -> Option<Transmission> {
+        (0..10_000).find_map(|_| {
+            std::thread::sleep(Duration::from_millis(1));
+            line.next_event().and_then(|next| line.poll(next))
+        })
+    }
+
+    fn client(line: &TcpLine) -> TcpStream {
+        let client = TcpStream::connect((Ipv4Addr::LOCALHOST, line.port().unwrap())).unwrap();
+        client
+            .set_read_timeout(Some(Duration::from_secs(10)))
+            .unwrap();
+        client
+    }
+
+    #[test]
+    fn every_client_hears_the_board_and_the_board_hears_every_client() {
+        let mut line = TcpLine::listen(0).unwrap();
+        let mut clients = [client(&line), client(&line)];
+        for (client, word) in clients.iter_mut().zip([b"one", b"two"]) {
+            client.write_all(word).unwrap();
+            assert_eq!(poll_patiently(&mut line).unwrap().bytes, word);
+        }
+        line.hear(WorldNanos(0), 57_600, b"heard");
+        assert_eq!(line.poll(line.next_event().unwrap()), None);
+        for client in &mut clients {
+            let mut word = [0; 5];
+            client.read_exact(&mut word).unwrap();
+            assert_eq!(&word, b"heard");
+        }
+        // From now on the line goes as fast as the board talks.
+        clients[0].write_all(b"x").unwrap();
+        assert_eq!(poll_patiently(&mut line).unwrap().baud, 57_600);
+    }
+
+    #[test]
+    fn a_client_that_has_gone_makes_room_for_the_next() {
+        let mut line = TcpLine::listen(0).unwrap();
+        for word in [b"one", b"two"] {
+            client(&line).write_all(word).unwrap();
+            assert_eq!(poll_patiently(&mut line).unwrap().bytes, word);
+        }
+        line.hear(WorldNanos(0), 57_600, b"to nobody");
+        assert_eq!(line.poll(line.next_event().unwrap()), None);
+        assert!(line.clients.is_empty());
+    }
+
+    #[test]
+    fn what_is_sent_waits_until_the_line_is_free() {
+        let mut line = TcpLine::listen(0).unwrap();
+        let mut client = client(&line);
+        client.write_all(&[0; 100]).unwrap();
+        let first = poll_patiently(&mut line).unwrap();
+        client.write_all(&[0]).unwrap();
+        let second = poll_patiently(&mut line).unwrap();
+        assert!(second.start >= first.end());
+    }
+}

@@ -103,7 +103,7 @@ impl Wire {
 
     /// Brings the far end to `now`, with the board's port as it is.
     pub(crate) fn prepare(&mut self, now: WorldNanos, port: PortSetting) -> Prepared {
-        self.port = port;
+        let was_deaf = !std::mem::replace(&mut self.port, port).listening;
         let mut ask_now = false;
         while let Some(due) = self.talker.next_event().filter(|&due| due <= now) {
             while let Some(transmission) = self.talker.poll(now) {
@@ -116,8 +116,11 @@ impl Wire {
                 break;
             }
         }
-        if !port.listening {
-            while self.waiting.pop_front_if(|word| word.start < now).is_some() {}
+        // Each start of a word is a stop, so nobody heard those from before this one.
+        if was_deaf || !port.listening {
+            let heard_now = |word: &Word| word.start == now && port.listening;
+            let missed = |word: &mut Word| word.start <= now && !heard_now(word);
+            while self.waiting.pop_front_if(missed).is_some() {}
         }
         if std::mem::take(&mut self.held_back) {
             self.framing = self.waiting.front().is_some_and(|word| word.framing);
@@ -136,6 +139,14 @@ impl Wire {
         } else {
             self.port.baud
         }
+    }
+
+    /// The speed that the board's divider stands for.
+    fn meant_baud(&self) -> u32 {
+        STANDARD_BAUDS
+            .into_iter()
+            .find(|&standard| self.understands(standard) == standard)
+            .unwrap_or(self.port.baud)
     }
 
     /// The first moment after `now` at which the far end has something to do.
@@ -166,11 +177,7 @@ impl Peer for Wire {
         let at = WorldNanos(context.now().0);
         let [byte, _] = word.to_le_bytes();
         self.heard.push(HeardByte { at, byte });
-        let meant = STANDARD_BAUDS
-            .into_iter()
-            .find(|&standard| self.understands(standard) == standard);
-        self.talker
-            .hear(at, meant.unwrap_or(self.port.baud), &[byte]);
+        self.talker.hear(at, self.meant_baud(), &[byte]);
     }
 
     fn transmit(&mut self, now: VirtualNanos) -> Option<u16> {
@@ -183,5 +190,73 @@ impl Peer for Wire {
             return None;
         }
         self.waiting.pop_front().map(|word| u16::from(word.byte))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::script::Script;
+    use world::Transmission;
+
+    const LISTENING: PortSetting = PortSetting {
+        baud: 115_068,
+        listening: true,
+    };
+
+    fn wire(start: u64, bytes: &[u8], baud: u32) -> Wire {
+        Wire::new(Box::new(Script::new([Transmission {
+            start: WorldNanos(start),
+            bytes: bytes.to_vec(),
+            baud,
+        }])))
+    }
+
+    #[test]
+    fn a_word_is_there_from_its_start_bit_on_and_not_before() {
+        let mut wire = wire(1_000, b"ab", 115_200);
+        assert_eq!(wire.next_stop(WorldNanos(0)), Some(WorldNanos(1_000)));
+        assert!(!wire.prepare(WorldNanos(999), LISTENING).ask_now);
+        assert_eq!(wire.transmit(VirtualNanos(999)), None);
+        assert!(wire.prepare(WorldNanos(1_000), LISTENING).ask_now);
+        assert_eq!(wire.transmit(VirtualNanos(1_000)), Some(u16::from(b'a')));
+        assert_eq!(wire.transmit(VirtualNanos(1_000)), None);
+        assert_eq!(wire.next_stop(WorldNanos(1_000)), Some(WorldNanos(87_805)));
+        assert_eq!(wire.transmit(VirtualNanos(87_904)), Some(u16::from(b'b')));
+    }
+
+    #[test]
+    fn what_was_said_while_nobody_listened_is_lost() {
+        let mut wire = wire(1_000, b"ab", 115_200);
+        let deaf = PortSetting {
+            listening: false,
+            ..LISTENING
+        };
+        assert!(!wire.prepare(WorldNanos(1_000), deaf).ask_now);
+        wire.prepare(WorldNanos(50_000), deaf);
+        wire.prepare(WorldNanos(90_000), LISTENING);
+        assert_eq!(wire.transmit(VirtualNanos(90_000)), None);
+    }
+
+    #[test]
+    fn a_word_with_a_framing_error_waits_for_the_port_to_be_set_to_it() {
+        let mut wire = wire(0, &[0xff], 9_600);
+        assert!(!wire.prepare(WorldNanos(0), LISTENING).framing);
+        assert_eq!(wire.transmit(VirtualNanos(0)), None);
+        let prepared = wire.prepare(WorldNanos(0), LISTENING);
+        assert!(prepared.framing && prepared.ask_now);
+        assert_eq!(wire.transmit(VirtualNanos(0)), Some(0));
+    }
+
+    #[test]
+    fn the_speed_that_a_divider_nearly_makes_is_the_one_that_is_meant() {
+        let mut wire = wire(0, &[], 115_200);
+        for (baud, meant) in [(115_068, 115_200), (112_000, 112_000), (9_600, 9_600)] {
+            wire.port = PortSetting {
+                baud,
+                listening: true,
+            };
+            assert_eq!(wire.meant_baud(), meant);
+        }
     }
 }

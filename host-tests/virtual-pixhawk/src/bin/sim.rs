@@ -33,6 +33,7 @@ const CRYSTALS_PPB: [i32; 2] = [37_000, 44_000];
 
 /// Virtual Pixhawks with simulated or replayed receivers, in real time.
 #[derive(Parser, Debug)]
+#[command(name = "sim")]
 struct Sim {
     #[command(flatten)]
     options: Options,

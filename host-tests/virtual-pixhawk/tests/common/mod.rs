@@ -1,0 +1,81 @@
+//! What the tests of the image have in common.
+#![expect(
+    dead_code,
+    reason = "each test is a program of its own and uses a part of this"
+)]
+
+use mavlink_node::client::{Client, What};
+use mavlink_node::{Address, Version};
+use timebase::{Stamp, StampedByte};
+use virtual_pixhawk::{Firmware, HeardByte, IMAGE_VARIABLE};
+use world::{ReceiverSettings, Transmission, WorldNanos};
+
+pub(crate) const MS: u64 = 1_000_000;
+pub(crate) const SECOND: u64 = 1_000 * MS;
+/// 2026-11-22T04:00:00Z.
+pub(crate) const START_UTC_NS: i64 = 1_795_320_000 * 1_000_000_000;
+/// The speed of both of the board's lines.
+pub(crate) const BAUD: u32 = 115_200;
+/// One byte at that speed, in ns.
+pub(crate) const BYTE_NS: u64 = 10 * SECOND / BAUD as u64;
+
+/// The image that `cargo xtask board-test` hands over; `None` if a test has to be
+/// skipped, which has been said.
+pub(crate) fn image() -> Option<Firmware> {
+    Firmware::from_variable(IMAGE_VARIABLE).expect("the image can be read")
+}
+
+/// A receiver that comes out of its box at [`START_UTC_NS`].
+pub(crate) fn receiver_settings() -> ReceiverSettings {
+    ReceiverSettings::new(START_UTC_NS)
+}
+
+/// PINGs at the given moments, numbered from 0.
+pub(crate) fn pings(
+    version: Version,
+    at: impl IntoIterator<Item = WorldNanos>,
+) -> Vec<Transmission> {
+    let address = Address {
+        system: 255,
+        component: 190,
+    };
+    let mut client = Client::new(address, version);
+    (0..)
+        .zip(at)
+        .map(|(seq, start)| Transmission {
+            start,
+            bytes: client.ping(u64::from(seq) + 1_000, seq).to_vec(),
+            baud: BAUD,
+        })
+        .collect()
+}
+
+/// What a node said in `heard`, each with the moment at which its last byte came.
+pub(crate) fn said(heard: &[HeardByte]) -> Vec<(WorldNanos, What)> {
+    let address = Address {
+        system: 255,
+        component: 190,
+    };
+    let mut client = Client::new(address, Version::V2);
+    heard
+        .iter()
+        .filter_map(|heard| {
+            let stamped = StampedByte {
+                stamp: Stamp((heard.at.0 / 6) as u32),
+                byte: heard.byte,
+            };
+            Some((heard.at, client.receive(stamped)?.what))
+        })
+        .collect()
+}
+
+/// The PING answers among them, as `(seq, time_usec)`.
+pub(crate) fn ping_answers(heard: &[HeardByte]) -> Vec<(u32, u64)> {
+    said(heard)
+        .into_iter()
+        .filter_map(|(_, what)| match what {
+            What::Ping { time_usec, seq, .. } => Some((seq, time_usec)),
+            _ => None,
+        })
+        .collect()
+}

@@ -1,3 +1,4 @@
 //! Scenarios, replays of recordings, exhaustive and property tests of the firmware's logic.
 
 pub mod clock_board;
+pub mod mavlink_server;

@@ -1,1 +1,101 @@
-fn main() {}
+//! Every verb that a person or CI needs: `cargo xtask VERB`.
+//!
+//! *Design.* One file a verb; here is only who is called. What takes long to build
+//! is a program of its own that a verb starts ([`tool`]).
+//!
+//! *Limits.* Exit codes: 0 = did it, 1 = found a failure, 2 = wrong usage.
+
+mod bench;
+mod board_test;
+mod ci;
+mod deps;
+mod flash;
+mod image;
+mod link;
+mod ping;
+mod pymavlink;
+mod qemu;
+mod replay;
+mod sim;
+mod size;
+mod tool;
+
+use std::process::ExitCode;
+
+use anyhow::Result;
+use clap::Parser;
+
+/// pixclock's tools. Without a verb (bare `cargo run`): flash a Pixhawk 1 by
+/// probe-rs and show its log
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask")]
+struct CommandLine {
+    #[command(subcommand)]
+    verb: Option<Verb>,
+}
+
+#[derive(clap::Subcommand)]
+enum Verb {
+    /// The main job: a virtual Pixhawk with its receiver, in real time
+    Sim(console::Options),
+    /// The same on QEMU, the second opinion
+    Qemu(qemu::Options),
+    /// Ask a node for its time
+    Ping(ping::Options),
+    /// Put a recording of a receiver through the parser and the clock
+    Replay(replay::Options),
+    /// What each job costs, in instructions, beside its budget
+    Bench(bench::Options),
+    /// What the image takes of flash and RAM
+    Size {
+        /// Print one JSON object
+        #[arg(long)]
+        json: bool,
+    },
+    /// Check who depends on whom
+    Deps,
+    /// Run the tests of the flashed image on the virtual board
+    BoardTest {
+        /// Handed to `cargo test`
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        arguments: Vec<String>,
+    },
+    /// Ask `sim` and `qemu` for their time with pymavlink, in a venv of its own
+    Pymavlink,
+    /// Everything that has to hold
+    Ci,
+}
+
+fn main() -> ExitCode {
+    run().unwrap_or_else(|error| {
+        eprintln!("error: {error:#}");
+        ExitCode::FAILURE
+    })
+}
+
+fn run() -> Result<ExitCode> {
+    let Some(verb) = CommandLine::parse().verb else {
+        return done(flash::flash());
+    };
+    match verb {
+        Verb::Sim(options) => sim::run(&options, &own_arguments()),
+        Verb::Qemu(options) => qemu::run(&options),
+        Verb::Ping(options) => ping::run(&options),
+        Verb::Replay(options) => replay::run(&options),
+        Verb::Bench(options) => bench::run(&options),
+        Verb::Size { json } => done(size::check(json)),
+        Verb::Deps => done(deps::check()),
+        Verb::BoardTest { arguments } => done(board_test::run(&arguments)),
+        Verb::Pymavlink => done(pymavlink::run()),
+        Verb::Ci => done(ci::run_all()),
+    }
+}
+
+/// What was said behind the verb, for the tool that reads the same options.
+fn own_arguments() -> Vec<String> {
+    std::env::args().skip(2).collect()
+}
+
+fn done(result: Result<()>) -> Result<ExitCode> {
+    result.map(|()| ExitCode::SUCCESS)
+}

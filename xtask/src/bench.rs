@@ -1,0 +1,35 @@
+//! `bench`: what each job costs on the virtual board, in instructions.
+
+use std::process::{Command, ExitCode};
+
+use anyhow::Result;
+use clap::Args;
+
+use crate::image::{self, Board, Variant};
+use crate::tool;
+
+/// What the bench can be asked for.
+#[derive(Args)]
+pub struct Options {
+    /// Print one JSON object instead of the table
+    #[arg(long)]
+    json: bool,
+}
+
+/// Builds the image that can be measured, and measures it.
+///
+/// # Errors
+///
+/// When something cannot be built.
+pub fn run(options: &Options) -> Result<ExitCode> {
+    let image = image::build(Variant {
+        bench: true,
+        ..Variant::standard(Board::Pixhawk1)
+    })?;
+    let mut bench = Command::new(tool::build("bench")?);
+    bench.arg("--image").arg(image);
+    if options.json {
+        bench.arg("--json");
+    }
+    tool::hand_over(&mut bench)
+}

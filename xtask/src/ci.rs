@@ -1,0 +1,89 @@
+//! `ci`: everything that has to hold, in one go.
+//!
+//! *Design.* The quick checks come first. Each step is a command that a person can
+//! give alone; its name and its time are printed.
+
+use std::process::Command;
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+
+use crate::image::{TARGET, cargo, run};
+
+/// Runs every check, and stops at the first that fails.
+///
+/// # Errors
+///
+/// Names the step that failed.
+pub fn run_all() -> Result<()> {
+    let started = Instant::now();
+    step("format", cargo().args(["fmt", "--all", "--check"]))?;
+    step("dependency rule", xtask().arg("deps"))?;
+    step(
+        "clippy on the host",
+        cargo()
+            .args(["clippy", "--workspace", "--all-targets", "--locked"])
+            .args(DENY_WARNINGS),
+    )?;
+    for features in ["pixhawk1", "pixhawk1,bench", "qemu"] {
+        step(
+            &format!("clippy on the target, {features}"),
+            cargo()
+                .args([
+                    "clippy",
+                    "--package",
+                    "firmware",
+                    "--release",
+                    "--target",
+                    TARGET,
+                ])
+                .args(["--no-default-features", "--features", features, "--locked"])
+                .args(DENY_WARNINGS),
+        )?;
+    }
+    step("tests", cargo().args(["test", "--locked"]))?;
+    step(
+        "tests of the tools",
+        cargo().args(["test", "--locked", "--package", "virtual-pixhawk", "--lib"]),
+    )?;
+    step(
+        "docs",
+        cargo()
+            .args(["doc", "--workspace", "--no-deps", "--locked"])
+            .env("RUSTDOCFLAGS", "--deny warnings"),
+    )?;
+    step("size", xtask().arg("size"))?;
+    step("board tests", xtask().arg("board-test"))?;
+    step("cost", xtask().arg("bench"))?;
+    step("sim", xtask().args(["sim", "--duration", "10"]))?;
+    step("qemu", xtask().args(["qemu", "--duration", "10"]))?;
+    step("pymavlink", xtask().arg("pymavlink"))?;
+    println!("all of it holds, after {} s", started.elapsed().as_secs());
+    Ok(())
+}
+
+/// What makes clippy fail on a warning.
+const DENY_WARNINGS: [&str; 3] = ["--", "--deny", "warnings"];
+
+fn xtask() -> Command {
+    let mut cargo = cargo();
+    cargo.args([
+        "run",
+        "--quiet",
+        "--locked",
+        "--package",
+        "xtask",
+        "--bin",
+        "xtask",
+        "--",
+    ]);
+    cargo
+}
+
+fn step(name: &str, command: &mut Command) -> Result<()> {
+    println!("== {name}");
+    let started = Instant::now();
+    run(command).with_context(|| format!("step `{name}`"))?;
+    println!("== {name}: {} s", started.elapsed().as_secs());
+    Ok(())
+}

@@ -1,0 +1,139 @@
+//! The firmware's images: which variant, built how, found where.
+//!
+//! *Design.* Each variant is built by cargo with its settings in the environment and
+//! then copied to `target/images/`, so that the next variant does not overwrite it.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context, Result, bail};
+
+/// The board's target.
+pub const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// A board that there is an image for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Board {
+    /// The Pixhawk 1, of metal or virtual.
+    Pixhawk1,
+    /// QEMU's `netduinoplus2`.
+    Qemu,
+}
+
+impl fmt::Display for Board {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Pixhawk1 => "pixhawk1",
+            Self::Qemu => "qemu",
+        })
+    }
+}
+
+/// What an image is built with.
+#[derive(Clone, Copy, Debug)]
+pub struct Variant {
+    /// For which board.
+    pub board: Board,
+    /// From tick to tick, in µs; the firmware's build refuses what it has not.
+    pub tick_us: u32,
+    /// Measures itself instead of keeping time.
+    pub bench: bool,
+}
+
+impl Variant {
+    /// What is flashed, for `board`.
+    pub const fn standard(board: Board) -> Self {
+        Self {
+            board,
+            tick_us: 50,
+            bench: false,
+        }
+    }
+}
+
+impl fmt::Display for Variant {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}-{}us", self.board, self.tick_us)?;
+        if self.bench {
+            write!(f, "-bench")?;
+        }
+        Ok(())
+    }
+}
+
+/// The workspace's folder.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// A call of cargo in the workspace.
+pub fn cargo() -> Command {
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.current_dir(root());
+    cargo
+}
+
+/// Runs `command` to its end.
+///
+/// # Errors
+///
+/// When it cannot be started, or fails.
+pub fn run(command: &mut Command) -> Result<()> {
+    let status = command
+        .status()
+        .with_context(|| format!("cannot start {command:?}"))?;
+    if !status.success() {
+        bail!("{command:?} failed: {status}");
+    }
+    Ok(())
+}
+
+/// Builds `variant` and returns its ELF file.
+///
+/// # Errors
+///
+/// When the build fails; cargo has said why.
+pub fn build(variant: Variant) -> Result<PathBuf> {
+    let mut features = variant.board.to_string();
+    if variant.bench {
+        features.push_str(",bench");
+    }
+    run(cargo()
+        .args(["build", "--quiet", "--release", "--package", "firmware"])
+        .args(["--target", TARGET, "--no-default-features"])
+        .args(["--features", &features])
+        .env("PIXCLOCK_TICK_US", variant.tick_us.to_string()))?;
+    let target = target_dir()?;
+    let built = target.join(TARGET).join("release").join("firmware");
+    let images = target.join("images");
+    std::fs::create_dir_all(&images)?;
+    let image = images.join(format!("{variant}.elf"));
+    std::fs::copy(&built, &image)
+        .with_context(|| format!("cannot copy {} to {}", built.display(), image.display()))?;
+    Ok(image)
+}
+
+/// Where cargo builds.
+///
+/// # Errors
+///
+/// When cargo does not say.
+pub fn target_dir() -> Result<PathBuf> {
+    Ok(metadata()?["target_directory"]
+        .as_str()
+        .context("cargo's metadata have no target directory")?
+        .into())
+}
+
+/// What cargo knows of the workspace.
+///
+/// # Errors
+///
+/// When cargo does not answer as it should.
+pub fn metadata() -> Result<serde_json::Value> {
+    let output = cargo()
+        .args(["metadata", "--format-version", "1", "--no-deps", "--locked"])
+        .output()?;
+    Ok(serde_json::from_slice(&output.stdout)?)
+}

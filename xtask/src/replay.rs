@@ -1,0 +1,111 @@
+//! `replay`: a recording of a receiver through the very crates of the firmware.
+//!
+//! *Purpose.* What the clock would have made of it, without a board: each NAV-PVT
+//! and what became of it, then everything that was counted.
+//!
+//! *Design.* The recording plays as in `sim --ubx`: what stands up to each NAV-PVT
+//! leaves together at 115200 baud, spaced by its time of week. Bytes are stamped
+//! by a perfect crystal as their last bit comes in.
+//!
+//! *Limits.* A CSV of arrivals is not read yet.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use serde_json::json;
+use timebase::{Cycles, StampedByte};
+use ubx_link::{Event, Link};
+use utc_clock::{Outcome, Published, Settings, UtcClock};
+use world::{Recording, Talker};
+
+/// What a replay can be asked for.
+#[derive(Args)]
+pub struct Options {
+    /// The recording: UBX, with whatever else was on the line
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Print one JSON object instead of lines for people
+    #[arg(long)]
+    json: bool,
+}
+
+/// Replays the file.
+///
+/// # Errors
+///
+/// When it cannot be read or has no NAV-PVT.
+pub fn run(options: &Options) -> Result<ExitCode> {
+    let path = options.file.display();
+    let bytes = std::fs::read(&options.file).with_context(|| format!("cannot read {path}"))?;
+    let mut recording = match Recording::new(&bytes) {
+        Ok(recording) => recording,
+        Err(none) => bail!("{path}: {none}; a recording of a u-blox receiver is wanted"),
+    };
+    let line = Published::new();
+    let mut clock = UtcClock::new(Settings::DEFAULT, &line);
+    let mut link = Link::new();
+    let mut marks = 0_u32;
+    while let Some(at) = recording.next_event() {
+        let Some(burst) = recording.poll(at) else {
+            break;
+        };
+        let stamped: Vec<_> = (0..)
+            .zip(&burst.bytes)
+            .map(|(index, &byte)| StampedByte {
+                stamp: Cycles::from_nanos(burst.byte_end(index).0).stamp(),
+                byte,
+            })
+            .collect();
+        let now = Cycles::from_nanos(burst.end().0);
+        while clock.poll_timeout() < now {
+            clock.handle_timeout(clock.poll_timeout());
+        }
+        let mut stamped = stamped.into_iter();
+        while let Some(event) = link.poll(now, || stamped.next()) {
+            let Event::NavPvt { mark, .. } = event else {
+                continue;
+            };
+            marks += 1;
+            let outcome = clock.handle_mark(&mark, now);
+            if !options.json {
+                println!(
+                    "{:>12.6} s  {}",
+                    now.as_nanos() as f64 / 1e9,
+                    told(&outcome)
+                );
+            }
+        }
+    }
+    let (counted, heard) = (clock.counters(), link.counters());
+    if options.json {
+        let summary = json!({
+            "nav_pvts": marks,
+            "accepted": counted.accepted,
+            "refused": counted.refused(),
+            "sets": counted.sets,
+            "bad_checksums": heard.bad_checksums,
+            "foreign_bytes": heard.foreign_bytes,
+        });
+        println!("{summary}");
+    } else {
+        println!(
+            "{marks} NAV-PVT: {} accepted, {} refused",
+            counted.accepted,
+            counted.refused()
+        );
+        println!("{counted:#?}\n{heard:#?}");
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// What a mark did, for people.
+fn told(outcome: &Outcome) -> String {
+    match outcome {
+        Outcome::Set => "sets the clock".to_owned(),
+        Outcome::Slewed { error_ns } => format!("slews: the clock is {error_ns} ns behind"),
+        Outcome::Stepped { by_ns } => format!("steps by {by_ns} ns"),
+        Outcome::Refused(refusal) => format!("refused: {refusal:?}"),
+    }
+}

@@ -1,0 +1,27 @@
+//! `sim`: virtual Pixhawks with simulated or replayed receivers, in real time.
+
+use std::process::{Command, ExitCode};
+
+use anyhow::Result;
+use console::Options;
+
+use crate::image::{self, Board, Variant};
+use crate::tool;
+
+/// Builds the image and the emulator as far as that is still to do, and runs them.
+///
+/// # Errors
+///
+/// When one of them cannot be built.
+pub fn run(options: &Options, arguments: &[String]) -> Result<ExitCode> {
+    let mut command = Command::new(tool::build("sim")?);
+    command.args(arguments);
+    if options.image.is_none() {
+        let image = image::build(Variant {
+            tick_us: options.tick_us,
+            ..Variant::standard(Board::Pixhawk1)
+        })?;
+        command.arg("--image").arg(image);
+    }
+    tool::hand_over(&mut command)
+}

@@ -100,6 +100,14 @@ fn from_the_left(stream: &[u8]) -> Vec<Found> {
     without_overlap(intact_windows(stream))
 }
 
+fn any_is_inside_another(stream: &[u8]) -> bool {
+    let windows = intact_windows(stream);
+    windows.windows(2).any(|pair| {
+        let ends = [pair[0], pair[1]].map(|window| window.start + window.length);
+        ends[1] <= ends[0]
+    })
+}
+
 /// What the framer finds; the stamps are the offsets, so that a frame's stamp says
 /// where its first byte was.
 fn framed(stream: &[u8]) -> Vec<Found> {
@@ -218,8 +226,10 @@ proptest! {
         let stream = pieces.concat();
         let found = framed(&stream);
         prop_assert_eq!(&found, &by_end(&stream));
-        // A window inside another one has a checksum of 16 bits against it.
-        prop_assert_eq!(&found, &from_the_left(&stream));
+        // One damaged frame in 65 536 is intact by chance, perhaps around another.
+        if !any_is_inside_another(&stream) {
+            prop_assert_eq!(&found, &from_the_left(&stream));
+        }
     }
 
     #[test]
@@ -242,6 +252,8 @@ proptest! {
     ) {
         let frame = Frame { flags: 0, ..frame }.bytes();
         let stream = [noise, frame.clone()].concat();
+        // The noise may end a byte before what is, with this frame's magic, intact.
+        prop_assume!(intact_windows(&stream).len() == 1);
         let last = framed(&stream).pop();
         let start = stream.len() - frame.len();
         prop_assert_eq!(last, Some(Found { start, length: frame.len(), signed: false }));

@@ -118,6 +118,22 @@ fn a_request_carries_the_arrival_of_its_first_byte() {
 }
 
 #[test]
+fn bytes_may_come_while_a_queue_is_emptied() {
+    // `now` was read before the first byte of the frame came.
+    let now = Cycles(3 << 32);
+    for after in [1, 1_000_000, 100_000_000] {
+        let mut node = node();
+        let stamp = now.plus(after).stamp();
+        let bytes = Frame::ping(true, 3, 0).bytes();
+        let mut requests = bytes
+            .iter()
+            .filter_map(|&byte| node.receive(StampedByte { stamp, byte }, now));
+        let request = requests.next().expect("a request");
+        assert_eq!(request.arrival, now.plus(after));
+    }
+}
+
+#[test]
 fn ping_is_answered_with_the_time_of_its_arrival() {
     for v2 in [false, true] {
         let mut node = node();

@@ -19,7 +19,7 @@ use mavlink::MessageData;
 use mavlink::dialects::common::{
     COMMAND_ACK_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, MavResult, TIMESYNC_DATA,
 };
-use timebase::{Cycles, StampedByte};
+use timebase::{CORE_HZ, Cycles, StampedByte};
 
 use crate::frame::{Address, Frame, Sender, Version};
 use crate::framer::{Delimited, Framer, FramingCounters, Kind, Wanted};
@@ -169,6 +169,9 @@ pub struct Counters {
 #[derive(Debug)]
 pub struct Requests;
 
+/// How much later than `now` a byte may be stamped, in cycles: 1 s.
+const AFTER_NOW: u64 = CORE_HZ as u64;
+
 /// Command number, target system and target component stand at the same place in
 /// COMMAND_LONG and COMMAND_INT, behind seven words of parameters.
 const COMMAND_NUMBER: usize = 28;
@@ -232,7 +235,8 @@ impl Node {
         self.framer.give_up_if_silent();
     }
 
-    /// Takes a byte that was stamped at most 25 s before `now`. A request is to be
+    /// Takes a byte that was stamped at most 24 s before `now`, or up to 1 s after it
+    /// (while the queue was emptied for which `now` was read). A request is to be
     /// answered with [`Self::answer`]; where there is no room for an answer, it
     /// may be dropped.
     #[inline]
@@ -250,7 +254,7 @@ impl Node {
             self.version = Version::V2;
         }
         Some(Request {
-            arrival: frame.stamp.extend(now),
+            arrival: frame.stamp.extend(now.plus(AFTER_NOW)),
             from: frame.from,
             version: frame.version,
             ask: self.ask(&frame)?,

@@ -56,12 +56,13 @@ impl Status {
             .map(|(key, value)| (key.as_str(), value.as_str()))
     }
 
-    /// As a JSON object, with the numbers as numbers.
+    /// As a JSON object, with numbers as numbers and truths as truths.
     #[must_use]
     pub fn to_json(&self) -> Value {
         let fields = self.pairs().map(|(key, value)| {
-            let number = value.parse::<i64>().map(Number::from);
-            let value = number.map_or_else(|_| value.into(), Value::Number);
+            let number = value.parse::<i64>().map(Number::from).map(Value::Number);
+            let truth = value.parse::<bool>().map(Value::Bool);
+            let value = number.or(truth).unwrap_or_else(|_| value.into());
             (key.to_owned(), value)
         });
         Value::Object(fields.collect::<Map<_, _>>())
@@ -72,13 +73,14 @@ impl Status {
 mod tests {
     use super::*;
 
-    const LINE: &str = "status state=set utc=2026-11-22T04:00:00.123456Z unc_us=120001 marks=5";
+    const LINE: &str =
+        "status state=set utc=2026-11-22T04:00:00.123456Z unc_us=120001 marks=5 leap=true";
 
     #[test]
     fn the_pairs_come_out_in_their_order() {
         let status = Status::parse(LINE).unwrap();
         let keys: Vec<_> = status.pairs().map(|(key, _)| key).collect();
-        assert_eq!(keys, ["state", "utc", "unc_us", "marks"]);
+        assert_eq!(keys, ["state", "utc", "unc_us", "marks", "leap"]);
         assert!(status.is_set());
         assert_eq!(status.number("unc_us"), Some(120_001));
         assert_eq!(status.number("utc"), None);
@@ -91,9 +93,10 @@ mod tests {
     }
 
     #[test]
-    fn json_has_numbers_as_numbers() {
+    fn json_has_numbers_and_truths_as_such() {
         let json = Status::parse(LINE).unwrap().to_json();
         assert_eq!(json["marks"], 5);
+        assert_eq!(json["leap"], true);
         assert_eq!(json["utc"], "2026-11-22T04:00:00.123456Z");
     }
 }

@@ -250,7 +250,7 @@ mod tests {
         assert_eq!(bytes.len(), 32);
         assert_eq!((word(0), word(4)), (STAND_IN_SP, 0x0800_0009));
         // The two constants lie where the first two instructions look for them.
-        let literal = |at: usize| (at + 4 & !3) + 4 * usize::from(bytes[at]);
+        let literal = |at: usize| ((at + 4) & !3) + 4 * usize::from(bytes[at]);
         assert_eq!(word(literal(8)), 0xE000_ED08);
         assert_eq!(word(literal(10)), APPLICATION);
     }

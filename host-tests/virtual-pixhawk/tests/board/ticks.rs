@@ -1,8 +1,6 @@
 //! All four tick settings: the interrupts that they cause, counted.
 
-mod common;
-
-use common::{SECOND, receiver_settings};
+use crate::common::{SECOND, receiver_settings};
 use virtual_pixhawk::{Builder, Firmware};
 use world::{Receiver, WorldNanos};
 

@@ -1,8 +1,4 @@
 //! What the tests of the image have in common.
-#![expect(
-    dead_code,
-    reason = "each test is a program of its own and uses a part of this"
-)]
 
 use mavlink_node::client::{Client, What};
 use mavlink_node::{Address, Version};

@@ -6,11 +6,11 @@
 //! the error in every test here: a clock that follows its marks is never later than
 //! the latest of them and never earlier than the earliest.
 
-mod common;
-
 use std::path::PathBuf;
 
-use common::{BYTE_NS, MS, SECOND, START_UTC_NS, image, ping_answers, pings, receiver_settings};
+use crate::common::{
+    BYTE_NS, MS, SECOND, START_UTC_NS, image, ping_answers, pings, receiver_settings,
+};
 use mavlink_node::Version;
 use utc_clock::model::ClockState;
 use virtual_pixhawk::{Builder, Connector, Firmware, Pixhawk, Script};

@@ -1,8 +1,6 @@
 //! The flashed image on the virtual board: it boots, it reports, it can be trusted.
 
-mod common;
-
-use common::{MS, SECOND, START_UTC_NS, image, pings, receiver_settings};
+use crate::common::{MS, SECOND, START_UTC_NS, image, pings, receiver_settings};
 use console::{Level, Status};
 use mavlink_node::Version;
 use virtual_pixhawk::{Builder, Connector, Firmware, Logged, Pixhawk, Script};
@@ -101,12 +99,12 @@ fn the_same_script_leaves_the_same_traces_however_it_is_watched() {
     let Some(firmware) = image() else { return };
     let end = WorldNanos(5 * SECOND);
     let first = traces(busy_board(firmware.clone()), |board| {
-        board.run_to(end).unwrap()
+        board.run_to(end).unwrap();
     });
     assert!(first.log.len() >= 5 && first.said.len() > 100);
 
     let again = traces(busy_board(firmware.clone()), |board| {
-        board.run_to(end).unwrap()
+        board.run_to(end).unwrap();
     });
     assert_eq!(first, again);
 

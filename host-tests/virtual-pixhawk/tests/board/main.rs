@@ -1,0 +1,14 @@
+//! Tests of the flashed image on the virtual board: one program, so that the emulator
+//! is linked once.
+//!
+//! `cargo xtask board-test` builds the images and says where they are; without it every
+//! test here is skipped and says so.
+
+#[cfg(test)]
+mod boot;
+#[cfg(test)]
+mod clock;
+#[cfg(test)]
+mod common;
+#[cfg(test)]
+mod ticks;

@@ -2,14 +2,14 @@
 
 use heapless::spsc::Queue;
 use stm32f4xx_hal::interrupt;
-use stm32f4xx_hal::pac::{UART4, USART2};
+use stm32f4xx_hal::pac::{Interrupt, UART4, USART2};
 use timebase::StampedByte;
 
 use crate::drivers::uart::Line;
 
 /// A line over the given UART: rings of so many bytes, less one, each way.
 macro_rules! line {
-    ($name:ident, $uart:ty, incoming: $incoming:literal, outgoing: $outgoing:literal) => {
+    ($name:ident, $uart:ident, incoming: $incoming:literal, outgoing: $outgoing:literal) => {
         pub(super) static $name: Line = {
             static mut INCOMING: Queue<StampedByte, $incoming> = Queue::new();
             static mut OUTGOING: Queue<u8, $outgoing> = Queue::new();
@@ -18,7 +18,8 @@ macro_rules! line {
             #[expect(static_mut_refs, reason = "split once, here, at compile time")]
             unsafe {
                 Line::new(
-                    <$uart>::ptr().cast(),
+                    $uart::ptr().cast(),
+                    Interrupt::$uart,
                     INCOMING.split_const(),
                     OUTGOING.split_const(),
                 )

@@ -15,7 +15,8 @@ pub const WITNESS_PRESCALER: u16 = 124;
 pub const WITNESS_RATIO: u32 = 21;
 
 /// Reads the witness and the down-counter within 10 µs of each other, or again
-/// when the host stopped us in between.
+/// when the host stopped us in between. SysTick stands at 0 while the host is late
+/// with its interrupt, and says nothing then.
 #[inline(always)]
 pub fn read_pair(witness: impl Fn() -> u32, down_count: impl Fn() -> u32) -> (u32, u32) {
     /// 10 µs in counts of 8 MHz: below a quarter of the shortest tick.
@@ -23,7 +24,7 @@ pub fn read_pair(witness: impl Fn() -> u32, down_count: impl Fn() -> u32) -> (u3
     loop {
         let before = witness();
         let count = down_count();
-        if witness().wrapping_sub(before) < CLOSE {
+        if witness().wrapping_sub(before) < CLOSE && count != 0 {
             return (before, count);
         }
     }

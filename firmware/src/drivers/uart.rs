@@ -22,9 +22,11 @@ use core::future::poll_fn;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use core::task::Poll;
 
+use cortex_m::peripheral::NVIC;
 use critical_section::Mutex;
 use embassy_sync::waitqueue::AtomicWaker;
 use heapless::spsc::{Consumer, Producer};
+use stm32f4xx_hal::pac::Interrupt;
 use stm32f4xx_hal::pac::usart1::RegisterBlock;
 use timebase::StampedByte;
 
@@ -61,6 +63,7 @@ pub struct LineErrors {
 /// One UART with its two rings.
 pub struct Line {
     registers: *const RegisterBlock,
+    interrupt: Interrupt,
     incoming: UnsafeCell<Producer<'static, StampedByte>>,
     outgoing: UnsafeCell<Consumer<'static, u8>>,
     ends: Mutex<Cell<Option<Ends>>>,
@@ -84,7 +87,8 @@ enum Kind {
 unsafe impl Sync for Line {}
 
 impl Line {
-    /// A line over the UART at `registers`, with the ends of its two rings.
+    /// A line over the UART at `registers`, whose handler `interrupt` calls
+    /// [`Self::on_interrupt`], with the ends of its two rings.
     ///
     /// # Safety
     ///
@@ -93,6 +97,7 @@ impl Line {
     /// synchronous and flow-control bits, which stay 0 here.)
     pub const unsafe fn new(
         registers: *const RegisterBlock,
+        interrupt: Interrupt,
         incoming: (
             Producer<'static, StampedByte>,
             Consumer<'static, StampedByte>,
@@ -101,6 +106,7 @@ impl Line {
     ) -> Self {
         Self {
             registers,
+            interrupt,
             incoming: UnsafeCell::new(incoming.0),
             outgoing: UnsafeCell::new(outgoing.1),
             ends: Mutex::new(Cell::new(Some((incoming.1, outgoing.0)))),
@@ -137,7 +143,7 @@ impl Line {
         let registers = self.registers();
         let status = registers.sr().read().bits();
         if status & (bits::SR_RXNE | bits::SR_ORE) == 0 {
-            return self.send_next();
+            return self.send();
         }
         // A byte to send can wait: its request stands, and brings us back at once.
         let stamp = time::stamp();
@@ -151,19 +157,19 @@ impl Line {
         }
     }
 
-    /// Gives the UART its next byte, or stops asking when there is none.
+    /// Gives the UART bytes as long as it takes them, or stops asking when there
+    /// are none left.
     #[inline(always)]
-    fn send_next(&self) {
-        // SAFETY: this handler is the ring's one consumer.
-        let outgoing = unsafe { &mut *self.outgoing.get() };
-        match outgoing.dequeue() {
-            Some(byte) => {
-                // SAFETY: every value is a byte to send.
-                self.registers()
-                    .dr()
-                    .write(|w| unsafe { w.bits(u16::from(byte)) });
-            }
-            None => self.change_cr1(|cr1| cr1 & !bits::CR1_TXEIE),
+    fn send(&self) {
+        let registers = self.registers();
+        while registers.sr().read().bits() & bits::SR_TXE != 0 {
+            // SAFETY: this handler is the ring's one consumer.
+            let outgoing = unsafe { &mut *self.outgoing.get() };
+            let Some(byte) = outgoing.dequeue() else {
+                return self.change_cr1(|cr1| cr1 & !bits::CR1_TXEIE);
+            };
+            // SAFETY: every value is a byte to send.
+            registers.dr().write(|w| unsafe { w.bits(u16::from(byte)) });
         }
     }
 
@@ -280,6 +286,9 @@ impl Writer {
             let _ = self.outgoing.enqueue(byte);
         }
         self.line.change_cr1(|cr1| cr1 | bits::CR1_TXEIE);
+        // A UART raises its interrupt now. QEMU's does so from release 8 on; before
+        // that somebody else has to.
+        NVIC::pend(self.line.interrupt);
     }
 
     /// Whether everything has left the wire.

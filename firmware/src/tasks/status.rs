@@ -4,9 +4,12 @@
 //! programs read the same line. What stays 0 for most of a board's life is left
 //! out while it is 0.
 
-use defmt::{Display2Format, Format, Formatter};
+use core::fmt::{self, Write as _};
+
+use defmt::{Format, Formatter};
 use embassy_time::{Duration, Ticker};
-use utc_clock::{ClockState, Reading};
+use heapless::String;
+use utc_clock::ClockState;
 
 use crate::drivers::time;
 use crate::shared::{CLOCK, GNSS, GnssReport, MAVLINK, MavlinkReport};
@@ -23,13 +26,20 @@ pub async fn run() {
 
 fn log() {
     let reading = CLOCK.reading_at(time::now());
+    // Formatted before the log's critical section begins: that has to stay shorter
+    // than a tick.
+    let mut utc = String::<32>::new();
+    let _ = match reading.state {
+        ClockState::Unset => utc.push('-').map_err(|_| fmt::Error),
+        ClockState::Set | ClockState::Holdover => write!(utc, "{:.6}", reading.utc),
+    };
     let gnss = GNSS.get();
     let mavlink = MAVLINK.get();
     let clock = gnss.map(|report| report.clock).unwrap_or_default();
     defmt::info!(
-        "status state={} utc={} unc_us={=u32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}",
+        "status state={} utc={=str} unc_us={=u32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}",
         State(reading.state),
-        Utc(reading),
+        utc.as_str(),
         reading.uncertainty_ns / 1_000,
         reading.leap_seconds_known,
         clock.accepted,
@@ -86,20 +96,6 @@ impl Format for Mavlink {
         nonzero!(f, report.node.framing, "mav_": crc_failures, abandoned, unknown_flags, signed,
             foreign_bytes);
         nonzero!(f, report.line, "mav_": overrun, framing, noise, incoming_full, outgoing_full);
-    }
-}
-
-/// UTC, once it is known.
-struct Utc(Reading);
-
-impl Format for Utc {
-    fn format(&self, f: Formatter) {
-        match self.0.state {
-            ClockState::Unset => defmt::write!(f, "-"),
-            ClockState::Set | ClockState::Holdover => {
-                defmt::write!(f, "{}", Display2Format(&self.0.utc));
-            }
-        }
     }
 }
 

@@ -32,7 +32,7 @@
 //!
 //! *Limits.* Readers run at or below the priority of the tick interrupt. The two
 //! counters are read within a quarter of a period of each other
-//! ([`Counters::read_pair`]). The anchor moves at least every 25 s (2³² cycles),
+//! ([`Counters::read_pair`]). The anchor moves at least every 12 s (2³¹ cycles),
 //! so interrupts must not be masked for longer. `tests/interleavings.rs` walks
 //! through every interleaving of a reader, the tick and a second interrupt.
 
@@ -104,14 +104,14 @@ pub fn start<C: Counters>(counters: &C) {
 #[inline(always)]
 pub fn now<C: Counters>(counters: &C) -> Cycles {
     let (anchor, since) = counters.masked(|| (load_anchor(counters), Since::read(counters)));
-    Cycles(anchor.wrapping_add(u64::from(since.elapsed::<C>())))
+    Cycles(anchor.wrapping_add_signed(since.elapsed::<C>().into()))
 }
 
 /// The low word of [`now`]: for interrupts that must be short.
 #[inline(always)]
 pub fn stamp<C: Counters>(counters: &C) -> Stamp {
     let (low, since) = counters.masked(|| (counters.load(Word::AnchorLow), Since::read(counters)));
-    Stamp(low.wrapping_add(since.elapsed::<C>()))
+    Stamp(low.wrapping_add_signed(since.elapsed::<C>()))
 }
 
 /// The tick interrupt in the plain case: one period has passed, and most of the
@@ -146,7 +146,7 @@ const fn plainly_late<C: Counters>() -> u32 {
 #[inline]
 pub fn repair<C: Counters>(counters: &C) -> Stamp {
     let since = Since::read(counters);
-    let wraps = since.elapsed::<C>() / C::PERIOD;
+    let wraps = since.elapsed::<C>().max(0).cast_unsigned() / C::PERIOD;
     let lost = counters.load(Word::LostTicks);
     // Wraps without an interrupt; a repair that ran ahead of a pending one is
     // made good when that comes and finds nothing to count.
@@ -189,9 +189,11 @@ impl Since {
         }
     }
 
-    /// Cycles from the anchor to the reading of the down-counter.
+    /// Cycles from the anchor to the reading of the down-counter. Never negative
+    /// where the two counters keep step; an emulator's may not for a moment, and
+    /// then a little less than 0 must not become 25 s.
     #[inline(always)]
-    fn elapsed<C: Counters>(&self) -> u32 {
+    fn elapsed<C: Counters>(&self) -> i32 {
         let coarse = self
             .witness
             .wrapping_sub(self.anchor_witness)
@@ -203,5 +205,6 @@ impl Since {
         periods
             .wrapping_mul(C::PERIOD)
             .wrapping_sub(self.down_count)
+            .cast_signed()
     }
 }

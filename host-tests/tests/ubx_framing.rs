@@ -4,7 +4,8 @@
 use proptest::collection::vec;
 use proptest::prelude::*;
 use timebase::Cycles;
-use ubx_link::{Event, IDLE, Link, LinkCounters};
+use ubx_link::link::IDLE;
+use ubx_link::{Event, Link, LinkCounters};
 use world::ubx::{self, Claims};
 
 mod ubx_line;
@@ -195,11 +196,13 @@ fn a_frame_cut_short_does_not_hold_up_the_answer_behind_an_idle_line() {
     let last = ubx_line::arrival(49);
     assert!(ubx_line::drain(&mut link, last, &cut).is_empty());
     let idle = last.plus(u64::from(IDLE));
+    assert_eq!(link.poll_timeout(last), Some(idle));
     assert!(ubx_line::drain(&mut link, Cycles(idle.0 - 1), &[]).is_empty());
     assert_eq!(link.counters().truncated, 0);
     assert!(ubx_line::drain(&mut link, idle, &[]).is_empty());
     assert_eq!(link.counters().truncated, 1);
     assert_eq!(link.counters().foreign_bytes, 50);
+    assert_eq!(link.poll_timeout(idle), None);
 
     let answer = ubx_line::stamped(&ack(8));
     let later = idle.plus(u64::from(IDLE));

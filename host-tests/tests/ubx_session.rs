@@ -3,7 +3,8 @@
 
 use timebase::{CORE_HZ, Cycles};
 use ubx_link::config::{BAUD, BAUDS, Setting};
-use ubx_link::{Action, Event, Link, Session, SessionCounters, TRIES};
+use ubx_link::session::TRIES;
+use ubx_link::{Action, Event, Link, Session, SessionCounters};
 use world::{Latency, Port, Receiver, ReceiverSettings, Recording, Talker, WorldNanos, ubx};
 
 const NOON_NS: i64 = 1_795_348_800_000_000_000;

@@ -55,3 +55,28 @@ impl Fletcher {
         ]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn any_stretch_follows_from_two_readings() {
+        // Long and high enough for `B` to wrap.
+        let line: [u8; 9_000] = core::array::from_fn(|i| 0xff ^ (i * i / 7) as u8);
+        let start = Fletcher::START.then_all(&line[..8_000]);
+        for length in 0..130 {
+            let stretch = &line[8_000..8_000 + length];
+            let (mut a, mut b) = (0_u8, 0_u8);
+            for byte in stretch {
+                a = a.wrapping_add(*byte);
+                b = b.wrapping_add(a);
+            }
+            assert_eq!(start.then_all(stretch).since(start, length), [a, b]);
+        }
+        assert!(
+            start.b < u32::MAX / 2 && start.a > 500_000,
+            "it has wrapped"
+        );
+    }
+}

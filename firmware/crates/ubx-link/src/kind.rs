@@ -88,3 +88,33 @@ impl Header {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_header_is_known_by_class_id_and_length() {
+        let at = |rest: &[u8; 5]| {
+            let [sync_2, class, id, low, high] = *rest;
+            Header::at(&[SYNC_1, sync_2, class, id, low, high])
+        };
+        assert_eq!(at(b"\x62\x01\x07\x5c\x00"), Header::Ours(Kind::NavPvt));
+        assert_eq!(at(b"\x62\x05\x01\x02\x00"), Header::Ours(Kind::Ack));
+        assert_eq!(at(b"\x62\x05\x00\x02\x00"), Header::Ours(Kind::Nak));
+        assert_eq!(at(b"\x62\x01\x07\x5c\x01"), Header::FalseLength);
+        assert_eq!(at(b"\x62\x05\x00\x5c\x00"), Header::FalseLength);
+        assert_eq!(at(b"\x62\x05\x02\x02\x00"), Header::OtherMessage);
+        assert_eq!(at(b"\x62\x07\x01\x5c\x00"), Header::OtherMessage);
+        assert_eq!(at(b"\xb5\x01\x07\x5c\x00"), Header::LoneSync);
+    }
+
+    #[test]
+    fn a_header_is_waited_for_as_long_as_it_can_be_one() {
+        let header = [SYNC_1, SYNC_2, 0x01, 0x07, 92];
+        for length in 1..=header.len() {
+            assert_eq!(Header::at(&header[..length]), Header::Unfinished);
+        }
+        assert_eq!(Header::at(&[SYNC_1, 0x00]), Header::LoneSync);
+    }
+}

@@ -24,10 +24,10 @@ pub mod config;
 mod event;
 mod fletcher;
 mod kind;
-mod link;
-mod session;
+pub mod link;
+pub mod session;
 mod window;
 
 pub use event::{Event, Fix};
-pub use link::{IDLE, Link, LinkCounters};
-pub use session::{Action, SILENCE, Session, SessionCounters, TRIES};
+pub use link::{Link, LinkCounters};
+pub use session::{Action, Session, SessionCounters};

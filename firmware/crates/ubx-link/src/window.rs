@@ -89,3 +89,37 @@ impl Window {
         (self.start, self.end) = (0, self.len());
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn there_is_room_as_long_as_less_than_a_longest_frame_is_held() {
+        let mut counter = 0_u32;
+        let mut next = || {
+            counter += 1;
+            Some(StampedByte {
+                stamp: Stamp(counter),
+                byte: counter as u8,
+            })
+        };
+        let mut window = Window::new();
+        let mut oldest = 1;
+        for round in 0..2_000 {
+            let left = round % LONGEST;
+            assert!(!window.fill(&mut next));
+            assert!(window.len() >= LONGEST);
+            let gone = window.len() - left;
+            window.give_up(gone);
+            oldest += gone as u32;
+            assert_eq!(window.len(), left);
+            // What is left is still what came, stamp and byte.
+            for (index, byte) in window.held().iter().enumerate() {
+                let expected = oldest + index as u32;
+                assert_eq!(window.stamp(index), Some(Stamp(expected)));
+                assert_eq!(*byte, expected as u8);
+            }
+        }
+    }
+}

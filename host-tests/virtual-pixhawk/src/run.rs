@@ -7,23 +7,18 @@
 //! board has a thread of its own. At the moment it was asked to reach, it waits for
 //! the next order. An order is a function that looks at the stopped board or names
 //! the next moment; nothing happens between orders, so that a run depends on its
-//! script alone.
-//!
-//! The driver also stops where a far end of a line has something to do, and each ms
-//! of true time to read the log. These moments do not depend on the orders.
+//! script alone. The thread's side of it is the [`operator`](crate::operator)'s.
 //!
 //! *Limits.* A run cannot be taken back. A reset of the part starts the application
 //! through the stand-in for the bootloader again.
 
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
 use anyhow::{Context as _, anyhow};
-use console::{LogDecoder, LogLine};
-use rigless::emulator::{self, Driver, Host, Settled, Start, Stop};
+use rigless::emulator::{self, Start};
 use rigless::session::Session;
 use rigless::soc::Width;
-use rigless::soc::stm32f427::generated::usart6::{Register, cr1};
 use rigless::time::VirtualNanos;
 use world::{Sent, Talker, WorldNanos};
 
@@ -31,12 +26,9 @@ use crate::board::{GPS, Pixhawk1, TELEM1};
 use crate::gaps::Gaps;
 use crate::image::Firmware;
 use crate::meter::{Meter, Profile};
-use crate::rtt::Rtt;
+use crate::operator::{Log, Logged, Next, Operator, Order, Stopped};
 use crate::script::Script;
-use crate::wire::{HeardByte, PortSetting, Wire};
-
-/// How often the log is read, in ns.
-const LOG_EVERY_NS: u64 = 1_000_000;
+use crate::wire::{HeardByte, Wire};
 
 /// One of the board's connectors with a serial line on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,41 +48,12 @@ impl Connector {
     }
 }
 
-/// A line of the firmware's log, and when it was read from the board.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Logged {
-    /// The ms of true time at which it was read.
-    pub at: WorldNanos,
-    /// The line.
-    pub line: LogLine,
-}
-
 /// A Pixhawk before it has power.
 pub struct Builder {
     firmware: Firmware,
     crystal_ppb: i32,
     gps: Box<dyn Talker + Send>,
     telem1: Box<dyn Talker + Send>,
-}
-
-/// What a stopped board can be asked.
-type Order = Box<dyn FnOnce(&mut Stopped<'_>) + Send>;
-
-/// A board that stands still.
-pub(crate) struct Stopped<'a> {
-    pub(crate) session: &'a mut Session<Pixhawk1>,
-    host: &'a mut dyn Host,
-    pub(crate) stop: Stop,
-    log: &'a mut Log,
-    next: Next,
-}
-
-/// What a board does after an order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Next {
-    Wait,
-    RunTo(WorldNanos),
-    End,
 }
 
 /// A virtual Pixhawk 1 that runs an image.
@@ -151,11 +114,7 @@ impl Builder {
             telem1,
         } = self;
         let meter = Meter::default();
-        let log = Log {
-            rtt: Rtt::new(&firmware)?,
-            decoder: LogDecoder::new(firmware.elf())?,
-            lines: Vec::new(),
-        };
+        let log = Log::new(&firmware)?;
         let board = Pixhawk1::new(
             crystal_ppb,
             Wire::new(gps),
@@ -165,11 +124,7 @@ impl Builder {
         let images = firmware.flash()?;
         let session = Session::new(Box::new(board), 0, VirtualNanos(0))?;
         let (orders, inbox) = sync_channel(0);
-        let operator = Operator {
-            inbox,
-            log,
-            goal: WorldNanos(0),
-        };
+        let operator = Operator::new(inbox, log);
         let thread = std::thread::Builder::new()
             .name("pixhawk".to_owned())
             .spawn(move || {
@@ -356,132 +311,5 @@ impl Drop for Pixhawk {
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
-    }
-}
-
-/// The log as far as it has been read.
-#[derive(Debug)]
-struct Log {
-    rtt: Rtt,
-    decoder: LogDecoder,
-    lines: Vec<Logged>,
-}
-
-impl Log {
-    fn read(&mut self, now: WorldNanos, host: &mut dyn Host) {
-        // Memory that cannot be read has no log in it.
-        let bytes = self.rtt.take(host).unwrap_or_default();
-        let lines = self.decoder.push(&bytes).into_iter();
-        self.lines
-            .extend(lines.map(|line| Logged { at: now, line }));
-    }
-}
-
-/// Drives the run: stops where the world needs it, and takes orders.
-struct Operator {
-    inbox: Receiver<Order>,
-    log: Log,
-    goal: WorldNanos,
-}
-
-impl Operator {
-    /// Brings both far ends to `now`; whether a port has to be asked again.
-    fn prepare_wires(session: &mut Session<Pixhawk1>, now: WorldNanos) -> bool {
-        let mut ask_now = false;
-        for nth in [GPS, TELEM1] {
-            let board = session.board_mut();
-            let (rcc, registers) = board.mcu.clocks();
-            let clock_hz = rcc.pclk1(registers);
-            let (port, registers) = board.mcu.serial_port(nth);
-            let setting = port_setting(
-                clock_hz,
-                registers.get(Register::Brr),
-                registers.get(Register::Cr1),
-            );
-            let Some(wire) = port.chip_mut::<Wire>() else {
-                continue;
-            };
-            let prepared = wire.prepare(now, setting);
-            ask_now |= prepared.ask_now;
-            let errors = &mut port.errors_mut().framing;
-            errors.per_million = if prepared.framing { 1_000_000 } else { 0 };
-        }
-        ask_now
-    }
-
-    /// The next moment after `now` at which the world needs the run to stop.
-    fn next_stop(session: &mut Session<Pixhawk1>, now: WorldNanos) -> Option<WorldNanos> {
-        [GPS, TELEM1]
-            .into_iter()
-            .filter_map(|nth| session.board_mut().wire(nth)?.next_stop(now))
-            .min()
-    }
-}
-
-/// How a port is set up: its speed (RM0090 30.3.4, 16 samples a bit) and whether UE
-/// and RE are set.
-fn port_setting(clock_hz: u64, brr: u64, cr1: u64) -> PortSetting {
-    let baud = clock_hz.checked_div(brr).unwrap_or(0);
-    PortSetting {
-        baud: u32::try_from(baud).unwrap_or(0),
-        listening: cr1::UE.is_set(cr1) && cr1::RE.is_set(cr1),
-    }
-}
-
-impl Driver<Pixhawk1> for Operator {
-    fn on_settled(
-        &mut self,
-        session: &mut Session<Pixhawk1>,
-        _host: &mut dyn Host,
-        settled: Settled,
-    ) {
-        let Settled::Stop(stop) = settled else {
-            return;
-        };
-        let now = WorldNanos(stop.at.0);
-        let next = if Self::prepare_wires(session, now) {
-            Some(now)
-        } else {
-            Self::next_stop(session, now)
-        };
-        // To be asked to reach this very moment has the ports look once more.
-        if let Some(next) = next
-            && next.0 < session.until().0
-        {
-            session.run_until(VirtualNanos(next.0));
-        }
-    }
-
-    fn on_stop(
-        &mut self,
-        session: &mut Session<Pixhawk1>,
-        stop: Stop,
-        host: &mut dyn Host,
-    ) -> Option<VirtualNanos> {
-        let now = WorldNanos(stop.at.0);
-        if now.0.is_multiple_of(LOG_EVERY_NS) {
-            self.log.read(now, host);
-        }
-        while now >= self.goal {
-            // A holder that is gone takes the board's power with it.
-            let order = self.inbox.recv().ok()?;
-            let mut stopped = Stopped {
-                session,
-                host,
-                stop,
-                log: &mut self.log,
-                next: Next::Wait,
-            };
-            order(&mut stopped);
-            match stopped.next {
-                Next::Wait => {}
-                Next::RunTo(goal) => self.goal = goal,
-                Next::End => return None,
-            }
-        }
-        let next_log = WorldNanos((now.0 / LOG_EVERY_NS + 1) * LOG_EVERY_NS);
-        let next = Self::next_stop(session, now).into_iter();
-        let next = next.chain([next_log, self.goal]).min()?;
-        Some(VirtualNanos(next.0))
     }
 }

@@ -1,7 +1,7 @@
 //! Two functions for the bench to watch: readings of the clock, not inlined.
 //!
 //! *Design.* The image with the feature `bench` is the one that is flashed, and
-//! beside it this task, at thread level; nothing else in it knows of the bench.
+//! beside it this task, on the patient executor; nothing else in it knows of the bench.
 
 use core::hint::black_box;
 
@@ -34,5 +34,5 @@ fn bench_cycles_now() -> Cycles {
 #[unsafe(no_mangle)]
 #[inline(never)]
 fn bench_utc_now() -> UtcNanos {
-    CLOCK.utc_at(time::now())
+    CLOCK.utc_of(time::stamp())
 }

@@ -3,7 +3,8 @@
 //! *Design.* The tick stands above everything (Shim, Joo, Kim 2021, step II: the
 //! NVIC priority of SysTick at 0). Below it the serial lines, which stamp and
 //! store and wake nobody; then the alarm, which wakes tasks; then the executor
-//! that runs them. The thread level has what may take its time.
+//! of what must be prompt, and last that of what may take its time. Thread level
+//! sleeps, so that an interrupt which wakes nobody goes back to sleep at once.
 //!
 //! *Limits.* The STM32F427 has the upper four bits of each priority. Nothing that
 //! reads the clock may stand above the tick (`timebase::tick`).
@@ -15,4 +16,6 @@ pub const SERIAL: u8 = 0x10;
 /// PendSV: due timers, and tasks whose ring has bytes.
 pub const ALARM: u8 = 0x20;
 /// The executor of the GNSS and MAVLink tasks.
-pub const TASKS: u8 = 0x30;
+pub const PROMPT: u8 = 0x30;
+/// The executor of the status line and the LED, and of all that may block.
+pub const PATIENT: u8 = 0x40;

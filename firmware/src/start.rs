@@ -5,8 +5,7 @@ use cortex_m_rt::exception;
 use defmt_rtt as _;
 #[cfg(feature = "qemu")]
 use defmt_semihosting as _;
-use embassy_executor::{Executor, InterruptExecutor};
-use static_cell::StaticCell;
+use embassy_executor::InterruptExecutor;
 use stm32f4xx_hal::pac::interrupt;
 
 use crate::board::{self, Board};
@@ -14,10 +13,10 @@ use crate::drivers::time;
 use crate::settings;
 use crate::tasks::{gnss, led, mavlink, status};
 
-/// Runs what must be prompt, at `priorities::TASKS`.
+/// Runs what must be prompt, at [`priorities::PROMPT`](crate::priorities::PROMPT).
 static PROMPT: InterruptExecutor = InterruptExecutor::new();
-/// Runs what may take its time, at thread level.
-static PATIENT: StaticCell<Executor> = StaticCell::new();
+/// Runs what may take its time, at [`priorities::PATIENT`](crate::priorities::PATIENT).
+static PATIENT: InterruptExecutor = InterruptExecutor::new();
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
@@ -33,33 +32,41 @@ fn main() -> ! {
         settings::TICK_US,
         settings::SYSTEM_ID
     );
-    let prompt = PROMPT.start(board::TASKS);
-    let (Ok(gnss), Ok(mavlink)) = (
+    let (Ok(gnss), Ok(mavlink), Ok(led), Ok(status)) = (
         gnss::run(gnss_reader, gnss_writer),
         mavlink::run(mavlink_reader, mavlink_writer),
+        led::run(led),
+        status::run(),
     ) else {
         defmt::panic!("a task was started twice");
     };
+    let prompt = PROMPT.start(board::PROMPT);
     prompt.spawn(gnss);
     prompt.spawn(mavlink);
-    PATIENT.init(Executor::new()).run(|patient| {
-        let (Ok(led), Ok(status)) = (led::run(led), status::run()) else {
-            defmt::panic!("a task was started twice");
-        };
-        patient.spawn(led);
-        patient.spawn(status);
-        #[cfg(feature = "bench")]
-        if let Ok(bench) = crate::bench::run() {
-            patient.spawn(bench);
-        }
-    })
+    let patient = PATIENT.start(board::PATIENT);
+    patient.spawn(led);
+    patient.spawn(status);
+    #[cfg(feature = "bench")]
+    if let Ok(bench) = crate::bench::run() {
+        patient.spawn(bench);
+    }
+    loop {
+        cortex_m::asm::wfi();
+    }
 }
 
-/// The executor of the GNSS and MAVLink tasks; see [`board::TASKS`].
+/// The executor of the GNSS and MAVLink tasks; see [`board::PROMPT`].
 #[interrupt]
 fn DCMI() {
     // SAFETY: this is its one handler, and it is enabled by `start`.
     unsafe { PROMPT.on_interrupt() }
+}
+
+/// The executor of the LED and the status line; see [`board::PATIENT`].
+#[interrupt]
+fn CAN2_TX() {
+    // SAFETY: this is its one handler, and it is enabled by `start`.
+    unsafe { PATIENT.on_interrupt() }
 }
 
 /// The alarm: at least once a ms, and when a timer is due.

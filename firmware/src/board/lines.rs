@@ -28,12 +28,12 @@ macro_rules! line {
     };
 }
 
-// Two navigation epochs at 5 Hz are never in the ring together: it is looked into
-// every ms. The room is for a task that is held up: 22 ms at 115200.
+// A task empties its ring within 6 ms. The room is for one that is held up: 22 ms at
+// 115200.
 line!(GNSS, UART4, incoming: 256, outgoing: 256);
 line!(MAVLINK, USART2, incoming: 256, outgoing: 1024);
 
-/// Wakes each task whose ring has bytes.
+/// Wakes each task whose ring has bytes worth waking it for.
 pub fn wake_readers() {
     GNSS.wake_reader();
     MAVLINK.wake_reader();

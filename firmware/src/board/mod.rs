@@ -27,9 +27,11 @@ pub use this::{NAME, WITNESS_RATIO, read_pair};
 /// Both lines at start-up, in Bd; the paper's fix.
 const BAUD: u32 = 115_200;
 
-/// The interrupt that the tasks' executor runs in: the camera interface's, which
-/// no Pixhawk uses.
-pub const TASKS: Interrupt = Interrupt::DCMI;
+/// The interrupts that the executors run in: those of the camera interface and the
+/// second CAN, which this firmware has no use for.
+pub const PROMPT: Interrupt = Interrupt::DCMI;
+/// See [`PROMPT`].
+pub const PATIENT: Interrupt = Interrupt::CAN2_TX;
 
 /// Everything that the tasks use of a board.
 pub struct Board {
@@ -78,17 +80,15 @@ pub fn init() -> Board {
     for (interrupt, priority) in [
         (Interrupt::UART4, priorities::SERIAL),
         (Interrupt::USART2, priorities::SERIAL),
-        (TASKS, priorities::TASKS),
+        (PROMPT, priorities::PROMPT),
+        (PATIENT, priorities::PATIENT),
     ] {
-        // SAFETY: the priorities are those of the table, and the handlers are
-        // ready: the rings exist since compile time, and the executor enables
-        // its own interrupt as it starts.
-        unsafe {
-            core.NVIC.set_priority(interrupt, priority);
-            if interrupt != TASKS {
-                NVIC::unmask(interrupt);
-            }
-        }
+        // SAFETY: the priorities are those of the table; nothing is unmasked yet.
+        unsafe { core.NVIC.set_priority(interrupt, priority) };
+    }
+    for interrupt in [Interrupt::UART4, Interrupt::USART2] {
+        // SAFETY: the rings that their handlers use exist since compile time.
+        unsafe { NVIC::unmask(interrupt) };
     }
 
     let clock_hz = rcc.clocks.pclk1().raw();

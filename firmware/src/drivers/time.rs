@@ -173,8 +173,10 @@ fn is_alarm_due(anchor: Stamp) -> bool {
 pub fn on_alarm() {
     critical_section::with(|token| {
         let mut timers = DRIVER.timers.borrow_ref_mut(token);
-        if now() >= timers.due {
-            timers.look_through();
+        let now = now();
+        if now >= timers.due {
+            let next_us = timers.queue.next_expiration(now.as_micros());
+            timers.due = Cycles::from_micros(next_us);
         }
         set_alarm(timers.due);
     });
@@ -198,16 +200,8 @@ struct TimeDriver {
 
 struct Timers {
     queue: Queue,
-    /// Nothing in the queue is due before.
+    /// Nothing in the queue is due before; something may be due later than this.
     due: Cycles,
-}
-
-impl Timers {
-    /// Wakes what is due, and finds out when the next one is.
-    fn look_through(&mut self) {
-        let next_us = self.queue.next_expiration(DRIVER.now());
-        self.due = Cycles::from_micros(next_us);
-    }
 }
 
 embassy_time_driver::time_driver_impl!(static DRIVER: TimeDriver = TimeDriver {
@@ -229,9 +223,11 @@ impl Driver for TimeDriver {
     fn schedule_wake(&self, at: u64, waker: &Waker) {
         critical_section::with(|token| {
             let mut timers = self.timers.borrow_ref_mut(token);
-            if timers.queue.schedule_wake(at, waker) {
-                timers.look_through();
-                set_alarm(timers.due);
+            let is_new = timers.queue.schedule_wake(at, waker);
+            let at = Cycles::from_micros(at);
+            if is_new && at < timers.due {
+                timers.due = at;
+                set_alarm(at);
             }
         });
     }

@@ -4,13 +4,13 @@
 //! has both, and the interrupt's handler.
 //!
 //! *Design.* The handler stamps a byte, stores it and wakes nobody: the alarm looks
-//! into the rings once a millisecond ([`Line::wake_reader`]), and the stamps
-//! make that delay harmless. Each end of a ring has one owner: the handler owns
+//! into the rings once a millisecond ([`Line::wake_reader`]), and wakes the task
+//! when the line pauses or much has come. The stamps make that delay harmless. Each end of a ring has one owner: the handler owns
 //! the ends in [`Line`]; [`Line::open`] hands the other ends to a task, once.
 //!
 //! | ring | filled by | drained by | when full |
 //! |---|---|---|---|
-//! | incoming | the handler, ≤ 11.5 bytes a ms at 115200 | the task, each ms | the byte is lost and counted |
+//! | incoming | the handler, ≤ 11.5 bytes a ms at 115200 | the task, within 6 ms | the byte is lost and counted |
 //! | outgoing | the task, whole frames | the handler, as the line takes them | the frame is refused and counted |
 //!
 //! *Limits.* The F4's UARTs have no FIFO: interrupts masked for longer than a byte
@@ -19,7 +19,7 @@
 
 use core::cell::{Cell, UnsafeCell};
 use core::future::poll_fn;
-use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering::Relaxed};
 use core::task::Poll;
 
 use cortex_m::peripheral::NVIC;
@@ -45,6 +45,9 @@ mod bits {
     pub(super) const CR1_TXEIE: u16 = 1 << 7;
 }
 
+/// So many bytes wake a task though the line is still talking: 5.6 ms at 115200.
+const WORTH_WAKING: usize = 64;
+
 /// What went wrong on a line, by kind.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LineErrors {
@@ -68,6 +71,8 @@ pub struct Line {
     outgoing: UnsafeCell<Consumer<'static, u8>>,
     ends: Mutex<Cell<Option<Ends>>>,
     reader: AtomicWaker,
+    /// How many bytes waited at the last call of [`Self::wake_reader`].
+    waiting: AtomicUsize,
     counters: [AtomicU32; 5],
 }
 
@@ -111,6 +116,7 @@ impl Line {
             outgoing: UnsafeCell::new(outgoing.1),
             ends: Mutex::new(Cell::new(Some((incoming.1, outgoing.0)))),
             reader: AtomicWaker::new(),
+            waiting: AtomicUsize::new(0),
             counters: [const { AtomicU32::new(0) }; 5],
         }
     }
@@ -190,12 +196,20 @@ impl Line {
         status & bits::SR_FE == 0 && status & bits::SR_RXNE != 0
     }
 
-    /// Wakes the reading task when bytes wait for it.
+    /// Wakes the reading task when it is worth it: when [`WORTH_WAKING`] bytes wait,
+    /// or when some do and no more have come since the last call. To be called once
+    /// a millisecond.
     #[inline]
     pub fn wake_reader(&self) {
         // SAFETY: only the ring's two atomic indices are read; the handler may
         // preempt us, but is over when we go on.
-        if unsafe { !(*self.incoming.get()).is_empty() } {
+        let waiting = unsafe { (*self.incoming.get()).len() };
+        if waiting == 0 {
+            return;
+        }
+        let has_paused = self.waiting.load(Relaxed) == waiting;
+        self.waiting.store(waiting, Relaxed);
+        if has_paused || waiting >= WORTH_WAKING {
             self.reader.wake();
         }
     }
@@ -241,7 +255,7 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// Waits until bytes are there; found at the next ms.
+    /// Waits until bytes are there: see [`Line::wake_reader`].
     pub async fn wait(&mut self) {
         poll_fn(|context| {
             self.line.reader.register(context.waker());
@@ -254,10 +268,14 @@ impl Reader {
         .await;
     }
 
-    /// Takes the oldest byte.
+    /// Takes the bytes that are there now.
     #[inline(always)]
-    pub fn take(&mut self) -> Option<StampedByte> {
-        self.incoming.dequeue()
+    pub fn drain(&mut self) -> impl Iterator<Item = StampedByte> {
+        let waiting = self.incoming.len();
+        (0..waiting).map(|_| {
+            // SAFETY: that many were there, and only we take them.
+            unsafe { self.incoming.dequeue_unchecked() }
+        })
     }
 
     /// What went wrong on the line so far.

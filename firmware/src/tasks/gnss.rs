@@ -18,22 +18,21 @@ const REPORT_EVERY: u64 = CORE_HZ as u64;
 /// while the receiver is being configured.
 const LOOK_EVERY: u64 = CORE_HZ as u64 / 1_000;
 
-/// Runs for ever, on the interrupt-level executor.
+/// Runs for ever, on the prompt executor.
 #[embassy_executor::task]
 pub async fn run(mut reader: Reader, mut writer: Writer) {
     let mut receiver = Receiver::new();
     let mut report_due = Cycles::BOOT;
     loop {
-        receiver.listen(&mut reader);
-        let session_due = receiver.configure(&mut writer);
-        receiver.clock.handle_timeout(time::now());
         let now = time::now();
+        receiver.listen(&mut reader, now);
+        receiver.configure(&mut writer, now);
+        receiver.clock.handle_timeout(now);
         if now >= report_due {
             report_due = now.plus(REPORT_EVERY);
             GNSS.tell(receiver.report(&reader));
         }
-        let due = receiver.clock.poll_timeout().min(report_due);
-        let due = session_due.map_or(due, |session| due.min(session));
+        let due = receiver.poll_timeout(now).min(report_due);
         select(reader.wait(), Timer::at(first_instant_after(due))).await;
     }
 }
@@ -65,9 +64,9 @@ impl Receiver {
     }
 
     /// Takes what has come in.
-    fn listen(&mut self, reader: &mut Reader) {
-        let now = time::now();
-        while let Some(event) = self.link.poll(now, || reader.take()) {
+    fn listen(&mut self, reader: &mut Reader, now: Cycles) {
+        let mut bytes = reader.drain();
+        while let Some(event) = self.link.poll(now, || bytes.next()) {
             self.session.handle_event(now, &event);
             if let Event::NavPvt { mark, fix } = event {
                 self.fix = Some((mark.arrival, fix));
@@ -76,9 +75,8 @@ impl Receiver {
         }
     }
 
-    /// Does what the session asks for; when it wants to be asked again.
-    fn configure(&mut self, writer: &mut Writer) -> Option<Cycles> {
-        let now = time::now();
+    /// Does what the session asks for.
+    fn configure(&mut self, writer: &mut Writer, now: Cycles) {
         if self.is_sending && writer.is_idle() {
             self.is_sending = false;
             self.session.handle_sent(now);
@@ -92,10 +90,18 @@ impl Receiver {
                 }
             }
         }
+    }
+
+    /// When one of the state machines has to be asked again.
+    fn poll_timeout(&self, now: Cycles) -> Cycles {
+        let mut due = self.clock.poll_timeout();
         if self.is_sending {
-            return Some(now.plus(LOOK_EVERY));
+            due = due.min(now.plus(LOOK_EVERY));
         }
-        self.session.poll_timeout()
+        for timeout in [self.session.poll_timeout(), self.link.poll_timeout(now)] {
+            due = timeout.map_or(due, |timeout| due.min(timeout));
+        }
+        due
     }
 
     fn report(&self, reader: &Reader) -> GnssReport {

@@ -13,7 +13,7 @@ use utc_clock::ClockState;
 use crate::drivers::time;
 use crate::shared::CLOCK;
 
-/// Runs for ever, at thread level.
+/// Runs for ever, on the patient executor.
 #[embassy_executor::task]
 pub async fn run(mut led: ErasedPin<Output<OpenDrain>>) {
     loop {

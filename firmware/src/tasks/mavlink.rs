@@ -18,7 +18,7 @@ use crate::shared::{self, GNSS, MAVLINK, MavlinkReport, NEWS};
 /// A solution is told for so long, in cycles: 2 s. Then the receiver is silent.
 const FIX_LASTS: i64 = 2 * CORE_HZ as i64;
 
-/// Runs for ever, on the interrupt-level executor.
+/// Runs for ever, on the prompt executor.
 #[embassy_executor::task]
 pub async fn run(mut reader: Reader, mut writer: Writer) {
     let mut node = Node::new(Config {
@@ -41,7 +41,7 @@ pub async fn run(mut reader: Reader, mut writer: Writer) {
             });
         }
         let now = time::now();
-        while let Some(byte) = reader.take() {
+        for byte in reader.drain() {
             if let Some(request) = node.receive(byte, now) {
                 let answer = node.answer(&request, shared::node_time(request.arrival));
                 writer.send(&answer);

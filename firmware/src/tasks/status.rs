@@ -14,7 +14,7 @@ use utc_clock::ClockState;
 use crate::drivers::time;
 use crate::shared::{CLOCK, GNSS, GnssReport, MAVLINK, MavlinkReport};
 
-/// Runs for ever, at thread level.
+/// Runs for ever, on the patient executor.
 #[embassy_executor::task]
 pub async fn run() {
     let mut beat = Ticker::every(Duration::from_secs(1));

@@ -42,7 +42,7 @@
 
 use core::sync::atomic::{AtomicU32, Ordering, compiler_fence};
 
-use timebase::Cycles;
+use timebase::{Cycles, Stamp};
 
 use crate::model::SHIFT;
 use crate::{ClockModel, Reading, UtcNanos};
@@ -127,24 +127,25 @@ impl<W: Word> Published<W> {
         self.sequence.store(next);
     }
 
-    /// UTC at `when`: the short way for a stamp that is not older than the
-    /// newest model, the long way otherwise.
+    /// UTC at `when`, a stamp of the last 10 s: for those, one word tells how far
+    /// the newest model is away. The short way where that is in force already, the
+    /// long way within [`LEAD`](crate::clock::LEAD) of a change and for older stamps.
     #[must_use]
     #[inline]
-    pub fn utc_at(&self, when: Cycles) -> UtcNanos {
+    pub fn utc_of(&self, when: Stamp) -> UtcNanos {
         loop {
             let sequence = self.sequence.load();
             compiler_fence(Ordering::SeqCst);
-            let [at_low, at_high, base_low, base_high, fraction, mult, ..] = self.slot(sequence);
-            let distance = when.since(Cycles(double(at_low, at_high)));
-            let product = u64::from(distance as u32) * u64::from(mult.load());
+            let [at_low, _, base_low, base_high, fraction, mult, ..] = self.slot(sequence);
+            let distance = when.0.wrapping_sub(at_low.load());
+            let product = u64::from(distance) * u64::from(mult.load());
             let elapsed = (product + u64::from(fraction.load())) >> SHIFT;
             let utc = double(base_low, base_high).wrapping_add(elapsed);
             compiler_fence(Ordering::SeqCst);
             if self.sequence.load() != sequence {
                 continue;
             }
-            if distance >> 32 != 0 {
+            if distance.cast_signed() < 0 {
                 return self.utc_the_long_way(when);
             }
             return UtcNanos(utc.cast_signed());
@@ -174,8 +175,11 @@ impl<W: Word> Published<W> {
 
     #[cold]
     #[inline(never)]
-    fn utc_the_long_way(&self, when: Cycles) -> UtcNanos {
-        self.reading_at(when).utc
+    fn utc_the_long_way(&self, when: Stamp) -> UtcNanos {
+        let at = self.model(self.sequence.load()).at();
+        let distance = when.0.wrapping_sub(at.stamp().0).cast_signed();
+        self.reading_at(Cycles(at.0.saturating_add_signed(distance.into())))
+            .utc
     }
 
     fn model(&self, sequence: u32) -> ClockModel {

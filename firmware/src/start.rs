@@ -50,9 +50,7 @@ fn main() -> ! {
     if let Ok(bench) = crate::bench::run() {
         patient.spawn(bench);
     }
-    loop {
-        cortex_m::asm::wfi();
-    }
+    board::sleep()
 }
 
 /// The executor of the GNSS and MAVLink tasks; see [`board::PROMPT`].

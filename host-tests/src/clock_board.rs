@@ -123,7 +123,11 @@ impl<'a> Board<'a> {
     pub fn read(&mut self) -> Reading {
         let now = self.cycles(self.now_ns);
         let reading = self.line.reading_at(now);
-        assert_eq!(reading.utc, self.line.utc_of(now.stamp()), "both ways agree");
+        assert_eq!(
+            reading.utc,
+            self.line.utc_of(now.stamp()),
+            "both ways agree"
+        );
         if let Some((then, before)) = self.last
             && then < now
             && !self.steps.iter().any(|step| then < *step && *step <= now)

@@ -34,12 +34,13 @@ fn replay(file: &[u8], board: &mut Board<'_>) -> Vec<(TimeMark, Outcome)> {
             for (chunk, bytes) in sent.bytes.chunks(64).enumerate() {
                 let end_of = |index: usize| i64::try_from(sent.byte_end(index).0).expect("short");
                 board.pass_until(end_of(chunk * 64 + bytes.len() - 1));
-                let mut ring = (chunk * 64..).zip(bytes).map(|(index, byte)| StampedByte {
+                let stamped = (chunk * 64..).zip(bytes).map(|(index, byte)| StampedByte {
                     stamp: board.cycles(end_of(index)).stamp(),
                     byte: *byte,
                 });
+                link.hear(&stamped.collect::<Vec<_>>());
                 let now = board.cycles(board.now_ns);
-                let marks: Vec<_> = std::iter::from_fn(|| link.poll(now, || ring.next())).collect();
+                let marks: Vec<_> = std::iter::from_fn(|| link.poll(now)).collect();
                 for event in marks {
                     if let Event::NavPvt { mark, .. } = event {
                         heard.push((mark, board.handle(&mark)));

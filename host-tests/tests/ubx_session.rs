@@ -96,20 +96,22 @@ impl Board {
     fn hear(&mut self, burst: &world::Transmission) {
         // The burst is over before anything else happens: nothing here depends on
         // the order within it.
-        let mut index = 0;
         let end = cycles(burst.end());
-        loop {
-            let event = self.link.poll(end, || {
-                let byte = *burst.bytes.get(index)?;
-                let stamp = cycles(burst.byte_end(index)).stamp();
-                index += 1;
-                Some(timebase::StampedByte { stamp, byte })
-            });
-            let Some(event) = event else { return };
-            if let Event::NavPvt { .. } = event {
-                self.marks.push(burst.end());
+        let stamped: Vec<_> = (0..)
+            .zip(&burst.bytes)
+            .map(|(index, &byte)| timebase::StampedByte {
+                stamp: cycles(burst.byte_end(index)).stamp(),
+                byte,
+            })
+            .collect();
+        for chunk in stamped.chunks(Link::ROOM) {
+            self.link.hear(chunk);
+            while let Some(event) = self.link.poll(end) {
+                if let Event::NavPvt { .. } = event {
+                    self.marks.push(burst.end());
+                }
+                self.session.handle_event(cycles(self.now), &event);
             }
-            self.session.handle_event(cycles(self.now), &event);
         }
     }
 }

@@ -15,7 +15,7 @@ const ALLOWED: [(&str, &[&str]); 4] = [
     ("timebase", &[]),
     ("utc-clock", &["timebase"]),
     ("ubx-link", &["timebase", "ublox"]),
-    ("mavlink-node", &["timebase", "heapless", "mavlink"]),
+    ("mavlink-node", &["timebase", "mavlink"]),
 ];
 
 /// Packages that nobody may depend on: what runs is never a library.

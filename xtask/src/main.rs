@@ -39,7 +39,7 @@ enum Verb {
     /// The main job: a virtual Pixhawk with its receiver, in real time
     Sim(console::Options),
     /// The same on QEMU, the second opinion
-    Qemu(qemu::Options),
+    Qemu(qemu::QemuOptions),
     /// Ask a node for its time
     Ping(ping::Options),
     /// Put a recording of a receiver through the parser and the clock

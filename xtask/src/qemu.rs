@@ -39,7 +39,7 @@ const PATIENCE: Duration = Duration::from_millis(20);
 
 /// What `qemu` can be asked for.
 #[derive(Args)]
-pub struct Options {
+pub struct QemuOptions {
     #[command(flatten)]
     run: console::Options,
     /// Install QEMU (by apt-get, as root) and end
@@ -65,7 +65,7 @@ pub fn is_there() -> bool {
 ///
 /// When QEMU is not there, with how to get it; when the image cannot be built or a
 /// port is taken.
-pub fn run(options: &Options) -> Result<ExitCode> {
+pub fn run(options: &QemuOptions) -> Result<ExitCode> {
     if options.install {
         image::run(Command::new("sh").args(["-c", INSTALL]))?;
         return Ok(ExitCode::SUCCESS);

@@ -62,19 +62,18 @@ pub fn run(options: &Options) -> Result<ExitCode> {
         while clock.poll_timeout() < now {
             clock.handle_timeout(clock.poll_timeout());
         }
-        let mut stamped = stamped.into_iter();
-        while let Some(event) = link.poll(now, || stamped.next()) {
-            let Event::NavPvt { mark, .. } = event else {
-                continue;
-            };
-            marks += 1;
-            let outcome = clock.handle_mark(&mark, now);
-            if !options.json {
-                println!(
-                    "{:>12.6} s  {}",
-                    now.as_nanos() as f64 / 1e9,
-                    told(&outcome)
-                );
+        for chunk in stamped.chunks(Link::ROOM) {
+            link.hear(chunk);
+            while let Some(event) = link.poll(now) {
+                let Event::NavPvt { mark, .. } = event else {
+                    continue;
+                };
+                marks += 1;
+                let outcome = clock.handle_mark(&mark, now);
+                if !options.json {
+                    let at_s = now.as_nanos() as f64 / 1e9;
+                    println!("{at_s:>12.6} s  {}", told(&outcome));
+                }
             }
         }
     }

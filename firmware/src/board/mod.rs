@@ -5,7 +5,7 @@
 //! has its clocks, and how its two counters stand to each other. Exactly one of
 //! them is in an image.
 
-use cortex_m::peripheral::NVIC;
+use cortex_m::peripheral::{NVIC, SCB};
 use stm32f4xx_hal::gpio::{ErasedPin, OpenDrain, Output, PinState};
 use stm32f4xx_hal::pac::{self, Interrupt, TIM5};
 use stm32f4xx_hal::prelude::*;
@@ -101,4 +101,17 @@ pub fn init() -> Board {
         .into_open_drain_output_in_state(PinState::High)
         .erase();
     Board { gnss, mavlink, led }
+}
+
+/// Leaves everything to the interrupts, for ever: the core goes back to sleep as the
+/// last of them returns, without a step at thread level.
+pub fn sleep() -> ! {
+    /// SCR.SLEEPONEXIT (ARM DUI 0553A, section 4.3.6).
+    const SLEEP_ON_EXIT: u32 = 1 << 1;
+    // SAFETY: nothing at thread level is waited for any more.
+    unsafe { (*SCB::PTR).scr.modify(|scr| scr | SLEEP_ON_EXIT) };
+    loop {
+        // QEMU wakes in spite of it.
+        cortex_m::asm::wfi();
+    }
 }

@@ -10,8 +10,12 @@
 //!
 //! | ring | filled by | drained by | when full |
 //! |---|---|---|---|
-//! | incoming | the handler, ≤ 11.5 bytes a ms at 115200 | the task, within 6 ms | the byte is lost and counted |
+//! | incoming | the handler, ≤ 11.5 bytes a ms at 115200 | the task, within 12 ms | the byte is lost and counted |
 //! | outgoing | the task, whole frames | the handler, as the line takes them | the frame is refused and counted |
+//!
+//! The incoming ring is emptied as a whole, under a critical section of some hundred
+//! instructions: byte by byte, a lock-free queue costs the task more for each than
+//! finding frames in them.
 //!
 //! *Limits.* The F4's UARTs have no FIFO: interrupts masked for longer than a byte
 //! (87 µs at 115200) cost one, counted as an overrun. Bytes with a framing error
@@ -25,6 +29,7 @@ use core::task::Poll;
 use cortex_m::peripheral::NVIC;
 use critical_section::Mutex;
 use embassy_sync::waitqueue::AtomicWaker;
+use heapless::Deque;
 use heapless::spsc::{Consumer, Producer};
 use stm32f4xx_hal::pac::Interrupt;
 use stm32f4xx_hal::pac::usart1::RegisterBlock;
@@ -45,8 +50,11 @@ mod bits {
     pub(super) const CR1_TXEIE: u16 = 1 << 7;
 }
 
-/// So many bytes wake a task though the line is still talking: 5.6 ms at 115200.
-const WORTH_WAKING: usize = 64;
+/// The incoming ring: 22 ms at 115200, for a task that is held up.
+pub const INCOMING: usize = 256;
+
+/// So many bytes wake a task though the line is still talking: 11 ms at 115200.
+const WORTH_WAKING: usize = 128;
 
 /// What went wrong on a line, by kind.
 #[derive(Clone, Copy, Debug, Default)]
@@ -67,16 +75,14 @@ pub struct LineErrors {
 pub struct Line {
     registers: *const RegisterBlock,
     interrupt: Interrupt,
-    incoming: UnsafeCell<Producer<'static, StampedByte>>,
+    incoming: UnsafeCell<Deque<StampedByte, INCOMING>>,
     outgoing: UnsafeCell<Consumer<'static, u8>>,
-    ends: Mutex<Cell<Option<Ends>>>,
+    end: Mutex<Cell<Option<Producer<'static, u8>>>>,
     reader: AtomicWaker,
     /// How many bytes waited at the last call of [`Self::wake_reader`].
     waiting: AtomicUsize,
     counters: [AtomicU32; 5],
 }
-
-type Ends = (Consumer<'static, StampedByte>, Producer<'static, u8>);
 
 #[derive(Clone, Copy)]
 enum Kind {
@@ -87,8 +93,9 @@ enum Kind {
     OutgoingFull,
 }
 
-// SAFETY: `incoming` and `outgoing` are touched by `on_interrupt` alone, which its
-// contract keeps to one interrupt; everything else is atomic or behind a mutex.
+// SAFETY: `outgoing` is touched by `on_interrupt` alone, which its contract keeps to
+// one interrupt; `incoming` by it, and under critical sections that it cannot
+// preempt; everything else is atomic or behind a mutex.
 unsafe impl Sync for Line {}
 
 impl Line {
@@ -103,18 +110,14 @@ impl Line {
     pub const unsafe fn new(
         registers: *const RegisterBlock,
         interrupt: Interrupt,
-        incoming: (
-            Producer<'static, StampedByte>,
-            Consumer<'static, StampedByte>,
-        ),
         outgoing: (Producer<'static, u8>, Consumer<'static, u8>),
     ) -> Self {
         Self {
             registers,
             interrupt,
-            incoming: UnsafeCell::new(incoming.0),
+            incoming: UnsafeCell::new(Deque::new()),
             outgoing: UnsafeCell::new(outgoing.1),
-            ends: Mutex::new(Cell::new(Some((incoming.1, outgoing.0)))),
+            end: Mutex::new(Cell::new(Some(outgoing.0))),
             reader: AtomicWaker::new(),
             waiting: AtomicUsize::new(0),
             counters: [const { AtomicU32::new(0) }; 5],
@@ -124,13 +127,10 @@ impl Line {
     /// The task's ends of the rings, once, with the UART's interrupt sources on.
     /// `clock_hz` is what the UART's baud generator divides.
     pub fn open(&'static self, clock_hz: u32) -> Option<(Reader, Writer)> {
-        let (incoming, outgoing) = critical_section::with(|token| self.ends.borrow(token).take())?;
+        let outgoing = critical_section::with(|token| self.end.borrow(token).take())?;
         self.change_cr1(|cr1| cr1 | bits::CR1_RXNEIE);
         Some((
-            Reader {
-                line: self,
-                incoming,
-            },
+            Reader { line: self },
             Writer {
                 line: self,
                 outgoing,
@@ -155,9 +155,9 @@ impl Line {
         let stamp = time::stamp();
         let byte = registers.dr().read().bits() as u8;
         if status & bits::SR_ERRORS == 0 || self.is_usable(status) {
-            // SAFETY: this handler is the ring's one producer.
+            // SAFETY: who else uses the ring masks this handler meanwhile.
             let incoming = unsafe { &mut *self.incoming.get() };
-            if incoming.enqueue(StampedByte { stamp, byte }).is_err() {
+            if incoming.push_back(StampedByte { stamp, byte }).is_err() {
                 self.count(Kind::IncomingFull);
             }
         }
@@ -201,9 +201,7 @@ impl Line {
     /// a millisecond.
     #[inline]
     pub fn wake_reader(&self) {
-        // SAFETY: only the ring's two atomic indices are read; the handler may
-        // preempt us, but is over when we go on.
-        let waiting = unsafe { (*self.incoming.get()).len() };
+        let waiting = self.with_incoming(|incoming| incoming.len());
         if waiting == 0 {
             return;
         }
@@ -232,6 +230,14 @@ impl Line {
         counter.store(counter.load(Relaxed).wrapping_add(1), Relaxed);
     }
 
+    #[inline(always)]
+    fn with_incoming<R>(&self, act: impl FnOnce(&mut Deque<StampedByte, INCOMING>) -> R) -> R {
+        critical_section::with(|_| {
+            // SAFETY: the handler and all others who could come here are masked.
+            act(unsafe { &mut *self.incoming.get() })
+        })
+    }
+
     fn registers(&self) -> &RegisterBlock {
         // SAFETY: `new`'s contract.
         unsafe { &*self.registers }
@@ -251,7 +257,6 @@ impl Line {
 /// The task's end of the incoming ring.
 pub struct Reader {
     line: &'static Line,
-    incoming: Consumer<'static, StampedByte>,
 }
 
 impl Reader {
@@ -259,7 +264,7 @@ impl Reader {
     pub async fn wait(&mut self) {
         poll_fn(|context| {
             self.line.reader.register(context.waker());
-            if self.incoming.is_empty() {
+            if self.line.with_incoming(|incoming| incoming.is_empty()) {
                 Poll::Pending
             } else {
                 Poll::Ready(())
@@ -268,14 +273,16 @@ impl Reader {
         .await;
     }
 
-    /// Takes the bytes that are there now.
+    /// Hands over the bytes that are there now, in two runs at most, with
+    /// interrupts masked: `take` copies them and does no more.
     #[inline(always)]
-    pub fn drain(&mut self) -> impl Iterator<Item = StampedByte> {
-        let waiting = self.incoming.len();
-        (0..waiting).map(|_| {
-            // SAFETY: that many were there, and only we take them.
-            unsafe { self.incoming.dequeue_unchecked() }
-        })
+    pub fn take(&mut self, mut take: impl FnMut(&[StampedByte])) {
+        self.line.with_incoming(|incoming| {
+            let (older, newer) = incoming.as_slices();
+            take(older);
+            take(newer);
+            incoming.clear();
+        });
     }
 
     /// What went wrong on the line so far.

@@ -7,7 +7,7 @@ use ubx_link::{Action, Event, Fix, Link, Session};
 use utc_clock::{Outcome, Settings, UtcClock};
 
 use crate::drivers::time;
-use crate::drivers::uart::{Reader, Writer};
+use crate::drivers::uart::{INCOMING, Reader, Writer};
 use crate::settings;
 use crate::shared::{CLOCK, GNSS, GnssReport, NEWS};
 
@@ -17,6 +17,9 @@ const REPORT_EVERY: u64 = CORE_HZ as u64;
 /// How often it is looked whether a frame has left the wire, in cycles: 1 ms. Only
 /// while the receiver is being configured.
 const LOOK_EVERY: u64 = CORE_HZ as u64 / 1_000;
+
+// All that the ring holds fits at once.
+const _: () = assert!(INCOMING <= Link::ROOM);
 
 /// Runs for ever, on the prompt executor.
 #[embassy_executor::task]
@@ -65,8 +68,10 @@ impl Receiver {
 
     /// Takes what has come in.
     fn listen(&mut self, reader: &mut Reader, now: Cycles) {
-        let mut bytes = reader.drain();
-        while let Some(event) = self.link.poll(now, || bytes.next()) {
+        reader.take(|bytes| {
+            self.link.hear(bytes);
+        });
+        while let Some(event) = self.link.poll(now) {
             self.session.handle_event(now, &event);
             if let Event::NavPvt { mark, fix } = event {
                 self.fix = Some((mark.arrival, fix));

@@ -7,11 +7,11 @@ use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker};
 use heapless::String;
 use mavlink_node::{Config, Fix, GpsFix, Node, PingReply, Severity};
-use timebase::CORE_HZ;
+use timebase::{CORE_HZ, StampedByte};
 use utc_clock::Outcome;
 
 use crate::drivers::time;
-use crate::drivers::uart::{Reader, Writer};
+use crate::drivers::uart::{INCOMING, Reader, Writer};
 use crate::settings;
 use crate::shared::{self, GNSS, MAVLINK, MavlinkReport, NEWS};
 
@@ -30,6 +30,7 @@ pub async fn run(mut reader: Reader, mut writer: Writer) {
             PingReply::RtosTime
         },
     });
+    let mut batch = [StampedByte::default(); INCOMING];
     let mut beat = Ticker::every(Duration::from_secs(1));
     loop {
         let woken = select(reader.wait(), beat.next()).await;
@@ -41,7 +42,15 @@ pub async fn run(mut reader: Reader, mut writer: Writer) {
             });
         }
         let now = time::now();
-        for byte in reader.drain() {
+        let mut waiting = 0;
+        reader.take(|bytes| {
+            let end = waiting + bytes.len();
+            if let Some(free) = batch.get_mut(waiting..end) {
+                free.copy_from_slice(bytes);
+                waiting = end;
+            }
+        });
+        for &byte in batch.get(..waiting).unwrap_or_default() {
             if let Some(request) = node.receive(byte, now) {
                 let answer = node.answer(&request, shared::node_time(request.arrival));
                 writer.send(&answer);

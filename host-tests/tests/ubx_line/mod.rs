@@ -32,8 +32,13 @@ pub fn stamped(bytes: &[u8]) -> Vec<StampedByte> {
 
 /// Lets `link` take `bytes`: all events.
 pub fn drain(link: &mut Link, now: Cycles, bytes: &[StampedByte]) -> Vec<Event> {
-    let mut bytes = bytes.iter().copied();
-    core::iter::from_fn(|| link.poll(now, || bytes.next())).collect()
+    let mut events = Vec::new();
+    for chunk in bytes.chunks(Link::ROOM) {
+        assert_eq!(link.hear(chunk), chunk.len(), "there is room");
+        events.extend(core::iter::from_fn(|| link.poll(now)));
+    }
+    events.extend(link.poll(now));
+    events
 }
 
 /// Lets `link` hear `bytes` in pieces of the lengths `cuts`, over and over, and

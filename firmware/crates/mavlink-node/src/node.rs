@@ -305,6 +305,7 @@ impl Node {
     }
 
     /// The answer to `request`; `time` is the node's time at its arrival.
+    #[inline(never)]
     pub fn answer(&mut self, request: &Request, time: NodeTime) -> Frame {
         let Request { from, version, .. } = *request;
         match request.ask {

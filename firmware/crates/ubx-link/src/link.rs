@@ -27,8 +27,8 @@ use timebase::{CORE_HZ, Cycles, Stamp, StampedByte};
 
 use crate::event::{self, Event};
 use crate::fletcher::Fletcher;
-use crate::kind::{CHECKSUM_LEN, Header, Kind, SHORTEST, SYNC_1, SYNC_LEN};
-use crate::window::Window;
+use crate::kind::{CHECKSUM_LEN, Header, Kind, LONGEST, SHORTEST, SYNC_1, SYNC_LEN};
+use crate::window::{CAPACITY, Window};
 
 /// A line that has been silent for this long is between frames, in cycles: 20 ms.
 /// A receiver sends a frame without pauses, and a byte lasts 2.1 ms at 4800 baud,
@@ -110,35 +110,36 @@ impl Link {
         }
     }
 
+    /// For how many bytes there is room between a frame cut short and the end of
+    /// the window.
+    pub const ROOM: usize = CAPACITY - LONGEST;
+
     /// What has come over the line so far.
     #[must_use]
     pub const fn counters(&self) -> LinkCounters {
         self.counters
     }
 
-    /// Takes bytes from `next` until one of them completes a frame, or until
-    /// `next` runs dry (`None`): call until then, each time there may be bytes and
-    /// when [`Link::poll_timeout`] has come. A byte may be stamped up to 100 ms
-    /// later than `now`, because bytes keep arriving while a ring is drained.
+    /// Takes bytes off the line, as many as there is room for: how many. There is
+    /// room for [`ROOM`](Self::ROOM) after [`Link::poll`] has returned `None`.
     #[inline]
-    pub fn poll(
-        &mut self,
-        now: Cycles,
-        mut next: impl FnMut() -> Option<StampedByte>,
-    ) -> Option<Event> {
+    pub fn hear(&mut self, bytes: &[StampedByte]) -> usize {
+        self.window.fill(bytes)
+    }
+
+    /// The next event in what was heard: call until there is none, each time after
+    /// [`Link::hear`] and when [`Link::poll_timeout`] has come. A byte may be stamped
+    /// up to 100 ms later than `now`, because bytes keep arriving meanwhile.
+    pub fn poll(&mut self, now: Cycles) -> Option<Event> {
         loop {
-            let dry = self.window.fill(&mut next);
             let idle = self.window.len() < self.wanted;
             if idle && !self.is_idle(now) {
                 return None;
             }
-            if let Some(kind) = self.examine(idle) {
-                let event = self.take(kind, now);
-                if event.is_some() {
-                    return event;
-                }
-            } else if dry {
-                return None;
+            let kind = self.examine(idle)?;
+            let event = self.take(kind, now);
+            if event.is_some() {
+                return event;
             }
         }
     }

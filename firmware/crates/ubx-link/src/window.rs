@@ -3,17 +3,15 @@
 //! *Purpose.* To hold bytes back until every offset in them has been tried.
 //!
 //! *Design.* They lie in one piece, so that a frame is read where it lies. They
-//! move to the front when a longest frame would no longer fit behind the first of
-//! them, which is at most once in [`CAPACITY`] − [`LONGEST`] bytes.
+//! move to the front when what comes would no longer fit behind them.
 //!
 //! *Limits.* It takes what there is room for. There is room as long as less than
 //! a longest frame is held.
 
 use timebase::{Stamp, StampedByte};
 
-use crate::kind::LONGEST;
-
-const CAPACITY: usize = 512;
+/// So many bytes are held at most.
+pub(crate) const CAPACITY: usize = 512;
 
 /// Bytes of the line; see the [module](self).
 #[derive(Clone, Debug)]
@@ -52,23 +50,27 @@ impl Window {
         self.stamps.get(self.start.wrapping_add(index)).copied()
     }
 
-    /// Takes bytes from `next`, as many as there is room for; `true` if `next`
-    /// ran dry.
+    /// Takes the first of `bytes`, as many as there is room for: at least
+    /// `CAPACITY` less what is held. How many.
     #[inline]
-    pub(crate) fn fill(&mut self, mut next: impl FnMut() -> Option<StampedByte>) -> bool {
-        let mut end = self.end;
-        let mut dry = false;
-        while let (Some(byte), Some(stamp)) = (self.bytes.get_mut(end), self.stamps.get_mut(end)) {
-            let Some(taken) = next() else {
-                dry = true;
-                break;
-            };
-            *byte = taken.byte;
-            *stamp = taken.stamp;
-            end = end.wrapping_add(1);
+    pub(crate) fn fill(&mut self, bytes: &[StampedByte]) -> usize {
+        if self.end.saturating_add(bytes.len()) > CAPACITY {
+            self.move_to_front();
         }
-        self.end = end;
-        dry
+        let free = (
+            self.bytes.get_mut(self.end..),
+            self.stamps.get_mut(self.end..),
+        );
+        let (Some(free_bytes), Some(free_stamps)) = free else {
+            return 0;
+        };
+        let taken = bytes.len().min(free_bytes.len());
+        for ((byte, stamp), from) in free_bytes.iter_mut().zip(free_stamps).zip(bytes) {
+            *byte = from.byte;
+            *stamp = from.stamp;
+        }
+        self.end = self.end.wrapping_add(taken);
+        taken
     }
 
     /// Gives up the `length` oldest bytes, at most all.
@@ -77,8 +79,6 @@ impl Window {
         self.start = self.start.wrapping_add(length);
         if self.start >= self.end {
             (self.start, self.end) = (0, 0);
-        } else if self.start > CAPACITY - LONGEST {
-            self.move_to_front();
         }
     }
 
@@ -92,24 +92,29 @@ impl Window {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+    use std::vec::Vec;
+
     use super::*;
+    use crate::kind::LONGEST;
 
     #[test]
     fn there_is_room_as_long_as_less_than_a_longest_frame_is_held() {
         let mut counter = 0_u32;
-        let mut next = || {
-            counter += 1;
-            Some(StampedByte {
-                stamp: Stamp(counter),
-                byte: counter as u8,
-            })
-        };
         let mut window = Window::new();
         let mut oldest = 1;
         for round in 0..2_000 {
             let left = round % LONGEST;
-            assert!(!window.fill(&mut next));
-            assert!(window.len() >= LONGEST);
+            let bytes: Vec<_> = (0..CAPACITY - LONGEST)
+                .map(|_| {
+                    counter += 1;
+                    StampedByte {
+                        stamp: Stamp(counter),
+                        byte: counter as u8,
+                    }
+                })
+                .collect();
+            assert_eq!(window.fill(&bytes), bytes.len());
             let gone = window.len() - left;
             window.give_up(gone);
             oldest += gone as u32;

@@ -57,6 +57,7 @@ pub fn run_all() -> Result<()> {
     step("cost", xtask().arg("bench"))?;
     step("sim", xtask().args(["sim", "--duration", "10"]))?;
     step("qemu", xtask().args(["qemu", "--duration", "10"]))?;
+    step("ticks on qemu", xtask().arg("qemu-ticks"))?;
     step("pymavlink", xtask().arg("pymavlink"))?;
     println!("all of it holds, after {} s", started.elapsed().as_secs());
     Ok(())

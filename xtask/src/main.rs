@@ -15,6 +15,7 @@ mod link;
 mod ping;
 mod pymavlink;
 mod qemu;
+mod qemu_ticks;
 mod replay;
 mod sim;
 mod size;
@@ -40,6 +41,8 @@ enum Verb {
     Sim(console::Options),
     /// The same on QEMU, the second opinion
     Qemu(qemu::QemuOptions),
+    /// Count the tick's interrupts on QEMU, at all four settings
+    QemuTicks,
     /// Ask a node for its time
     Ping(ping::Options),
     /// Put a recording of a receiver through the parser and the clock
@@ -80,6 +83,7 @@ fn run() -> Result<ExitCode> {
     match verb {
         Verb::Sim(options) => sim::run(&options, &own_arguments()),
         Verb::Qemu(options) => qemu::run(&options),
+        Verb::QemuTicks => done(qemu_ticks::check()),
         Verb::Ping(options) => ping::run(&options),
         Verb::Replay(options) => replay::run(&options),
         Verb::Bench(options) => bench::run(&options),

@@ -1,4 +1,5 @@
-//! All four tick settings: the interrupts that they cause, counted.
+//! All four tick settings: the interrupts that they cause, counted, and how late
+//! timers are.
 
 use crate::common::{SECOND, receiver_settings};
 use virtual_pixhawk::{Builder, Firmware};
@@ -26,11 +27,53 @@ fn ticks_a_second(firmware: &Firmware, crystal_ppb: i32) -> u64 {
     tally.times
 }
 
+/// From a timer's wake-up to its task, with a log line before it, in µs: generous,
+/// since it has to be small beside a tick only at the slower settings.
+const WAKE_UP_US: u64 = 100;
+
+/// When the status lines were logged, in µs since boot: a timer wakes their task each
+/// second after the board's first line.
+fn status_times_us(firmware: &Firmware) -> (u64, Vec<u64>) {
+    let mut board = Builder::new(firmware.clone())
+        .gps(Receiver::new(receiver_settings()))
+        .power_on()
+        .unwrap();
+    board.run_to(WorldNanos(6 * SECOND)).unwrap();
+    let log = board.take_log().unwrap();
+    let time_us = |text: &str| {
+        let seconds: f64 = text.parse().expect("seconds with six decimals");
+        (seconds * 1e6).round() as u64
+    };
+    let mut boot_us = None;
+    let mut statuses_us = Vec::new();
+    for logged in &log {
+        let at_us = time_us(logged.line.timestamp.as_deref().expect("each line has one"));
+        boot_us.get_or_insert(at_us);
+        if logged.line.text.starts_with("status ") {
+            statuses_us.push(at_us);
+        }
+    }
+    (boot_us.expect("it logs that it boots"), statuses_us)
+}
+
+/// No timer is early, and none is later than a tick and the way to its task.
+fn timers_are_prompt(firmware: &Firmware, tick_us: u64) {
+    let (boot_us, statuses_us) = status_times_us(firmware);
+    assert!(statuses_us.len() >= 4, "{statuses_us:?}");
+    for (at_us, second) in statuses_us.iter().zip(1..) {
+        let due_us = boot_us + second * 1_000_000;
+        assert!(*at_us >= due_us, "{at_us} is before {due_us}");
+        let late_us = at_us - due_us;
+        assert!(late_us <= tick_us + WAKE_UP_US, "{late_us} µs late");
+    }
+}
+
 fn holds_for(tick_us: u64) {
     let variable = format!("PIXCLOCK_IMAGE_{tick_us}US");
     let Some(firmware) = Firmware::from_variable(&variable).unwrap() else {
         return;
     };
+    timers_are_prompt(&firmware, tick_us);
     let expected = 1_000_000 / tick_us;
     let counted = ticks_a_second(&firmware, 0);
     // One more or less is where the second begins and ends between two of them.

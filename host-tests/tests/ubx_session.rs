@@ -106,7 +106,8 @@ impl Board {
             .collect();
         for chunk in stamped.chunks(Link::ROOM) {
             self.link.hear(chunk);
-            while let Some(event) = self.link.poll(end) {
+            let then = chunk.last().map_or(end, |byte| byte.stamp.extend(end));
+            while let Some(event) = self.link.poll(then) {
                 if let Event::NavPvt { .. } = event {
                     self.marks.push(burst.end());
                 }

@@ -64,7 +64,8 @@ pub fn run(options: &Options) -> Result<ExitCode> {
         }
         for chunk in stamped.chunks(Link::ROOM) {
             link.hear(chunk);
-            while let Some(event) = link.poll(now) {
+            let then = chunk.last().map_or(now, |byte| byte.stamp.extend(now));
+            while let Some(event) = link.poll(then) {
                 let Event::NavPvt { mark, .. } = event else {
                     continue;
                 };

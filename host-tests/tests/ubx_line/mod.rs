@@ -33,11 +33,17 @@ pub fn stamped(bytes: &[u8]) -> Vec<StampedByte> {
 /// Lets `link` take `bytes`: all events.
 pub fn drain(link: &mut Link, now: Cycles, bytes: &[StampedByte]) -> Vec<Event> {
     let mut events = Vec::new();
+    let mut left = bytes.len();
     for chunk in bytes.chunks(Link::ROOM) {
         assert_eq!(link.hear(chunk), chunk.len(), "there is room");
-        events.extend(core::iter::from_fn(|| link.poll(now)));
+        left -= chunk.len();
+        // The line was not idle behind it if more has come since.
+        let more = chunk.last().filter(|_| left > 0);
+        let then = more.map_or(now, |byte| byte.stamp.extend(now));
+        events.extend(core::iter::from_fn(|| link.poll(then)));
     }
-    events.extend(link.poll(now));
+    // An idle line says something, too.
+    events.extend(core::iter::from_fn(|| link.poll(now)));
     events
 }
 

@@ -129,7 +129,9 @@ impl Link {
 
     /// The next event in what was heard: call until there is none, each time after
     /// [`Link::hear`] and when [`Link::poll_timeout`] has come. A byte may be stamped
-    /// up to 100 ms later than `now`, because bytes keep arriving meanwhile.
+    /// up to 100 ms later than `now`, because bytes keep arriving meanwhile. Where a
+    /// line's bytes are heard in several goes, `now` is the time of each: later, the
+    /// line would seem idle behind it.
     pub fn poll(&mut self, now: Cycles) -> Option<Event> {
         loop {
             let idle = self.window.len() < self.wanted;

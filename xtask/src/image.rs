@@ -69,7 +69,8 @@ pub fn root() -> PathBuf {
 
 /// A call of cargo in the workspace.
 pub fn cargo() -> Command {
-    let mut cargo = Command::new(env!("CARGO"));
+    // The cargo that runs us, or rustup's, which knows the pinned one.
+    let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo.current_dir(root());
     cargo
 }

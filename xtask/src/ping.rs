@@ -40,7 +40,7 @@ const EARLIEST_UTC_US: u64 = 1_451_606_400_000_000;
 /// What `ping` is asked to do.
 #[derive(clap::Args, Debug)]
 pub struct Options {
-    /// Where the node is: tcp:HOST:PORT, udp:HOST:PORT or serial:DEVICE[:BAUD]
+    /// Where the node is: tcp:HOST:PORT, udp:HOST:PORT or serial:DEVICE, or serial:DEVICE:BAUD
     #[arg(value_name = "ADDR")]
     address: Address,
     /// How many requests

@@ -76,11 +76,12 @@ fn holds_for(tick_us: u64) {
     timers_are_prompt(&firmware, tick_us);
     let expected = 1_000_000 / tick_us;
     let counted = ticks_a_second(&firmware, 0);
-    // One more or less is where the second begins and ends between two of them.
-    assert!(counted.abs_diff(expected) <= 1, "{counted} of {expected}");
+    // The meter is not told of an interrupt's end while the core sleeps on from it, so
+    // that it may miss one at either end of the second.
+    assert!(counted.abs_diff(expected) <= 2, "{counted} of {expected}");
     let fast = ticks_a_second(&firmware, 500_000);
     let expected = expected + expected / 2_000;
-    assert!(fast.abs_diff(expected) <= 1, "{fast} of {expected}");
+    assert!(fast.abs_diff(expected) <= 2, "{fast} of {expected}");
 }
 
 #[test]

@@ -5,6 +5,7 @@
 //! them in MAVLink 1 and 2. What could not be tried is said plainly, and in CI
 //! (where `CI` is set) it is a failure.
 
+use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
@@ -61,15 +62,16 @@ impl Board {
         let child = Command::new(std::env::current_exe()?)
             .args([emulator, "--duration", DURATION_S, "--mavlink-port", port])
             .stdout(Stdio::null())
+            // With the tool that it starts, for one signal to both, as Ctrl-C gives.
+            .process_group(0)
             .spawn()?;
         Ok(Self(child))
     }
 
     fn stop(&mut self) {
         // It may have ended by itself; then there is nothing to stop.
-        let _ = Command::new("kill")
-            .args(["-INT", &self.0.id().to_string()])
-            .status();
+        let group = format!("-{}", self.0.id());
+        let _ = Command::new("kill").args(["-INT", "--", &group]).status();
         let _ = self.0.wait();
     }
 }

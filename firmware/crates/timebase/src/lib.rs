@@ -8,7 +8,7 @@
 //! *Design.* [`tick`] extends a 24-bit down-counter (SysTick) to 64 bits and
 //! repairs the ticks that were lost while interrupts were masked, with a second
 //! counter of the same clock (TIM5) as witness. [`cycles`] has the unit and its
-//! conversions. [`mark`] has what the receiver's parser hands to the clock.
+//! conversions. [`mark`] has what the receiver's line and its pulse tell the clock.
 //!
 //! *Limits.* Pure values and arithmetic: registers are reached through the
 //! trait [`tick::Counters`], which the firmware's time driver implements.
@@ -20,4 +20,4 @@ pub mod mark;
 pub mod tick;
 
 pub use cycles::{CORE_HZ, Cycles, Stamp, StampedByte};
-pub use mark::{CivilTime, TimeMark, Validity};
+pub use mark::{CivilTime, PulseForecast, PulseMark, TimeMark, Validity};

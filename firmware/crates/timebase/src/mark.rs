@@ -1,8 +1,9 @@
-//! The time mark: one moment as the receiver tells it, and when it was told.
+//! The marks: moments as the receiver tells them, and when they were told.
 //!
-//! *Purpose.* The value that travels from the receiver's parser to the clock.
+//! *Purpose.* The values that travel from the receiver's line and from its time
+//! pulse to the clock.
 //!
-//! *Design.* It carries the receiver's own words (calendar fields, claims,
+//! *Design.* They carry the receiver's own words (calendar fields, claims,
 //! accuracy) unjudged: what they are worth is the clock's business.
 //!
 //! *Limits.* Nothing here has been checked: a month may be 13.
@@ -21,6 +22,23 @@ pub struct TimeMark {
     pub t_acc_ns: u32,
     /// What the receiver claims about those fields.
     pub validity: Validity,
+}
+
+/// An edge of the time pulse, as the hardware captured it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PulseMark {
+    /// When the edge came.
+    pub edge: Cycles,
+}
+
+/// What the receiver says about its next time pulse (UBX-TIM-TP).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PulseForecast {
+    /// When the first byte of the message had arrived: before the pulse.
+    pub arrival: Cycles,
+    /// By how much the pulse will come after the second that it stands for,
+    /// because the receiver can only make it at an edge of its own clock; in ps.
+    pub late_ps: i32,
 }
 
 /// Calendar fields of UTC, as they stand in a NAV-PVT: any value can occur.

@@ -16,6 +16,7 @@
 #![forbid(unsafe_code)]
 
 mod line;
+pub mod others;
 mod receiver;
 mod recording;
 mod settings;

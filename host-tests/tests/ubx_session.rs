@@ -123,7 +123,7 @@ fn factory(baud: u32) -> ReceiverSettings {
             baud,
             ..Port::FACTORY
         },
-        latency: Latency::Constant { ns: 70_000_000 },
+        latency: Latency::constant(70_000_000),
         ..ReceiverSettings::new(NOON_NS)
     }
 }

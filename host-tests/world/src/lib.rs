@@ -3,7 +3,9 @@
 //!
 //! *Purpose.* A u-blox receiver ([`Receiver`]), the replay of a real one
 //! ([`Recording`]) and the damage that a line does ([`Line`]), for the virtual
-//! Pixhawk, for QEMU and for tests.
+//! Pixhawk, for QEMU and for tests. For simulations of hours, the same receiver's
+//! time marks without their bytes ([`Arrivals`]), its time pulse ([`Pulses`]) and a
+//! board's oscillator ([`Crystal`]).
 //!
 //! *Design.* Everything that talks over the receiver's line is a [`Talker`]: a
 //! state machine without I/O and without a clock, stepped from event to event in
@@ -11,20 +13,33 @@
 //! the byte. The frames are encoded here, by hand, and share no code with the
 //! crates under test.
 //!
-//! *Limits.* World time is true time: it runs at the rate of UTC. The error of a
-//! board's crystal belongs to the board's emulator.
+//! *Limits.* World time is true time: it runs at the rate of UTC. The virtual
+//! Pixhawk has a crystal of its own, with a constant error.
 #![forbid(unsafe_code)]
 
+mod arrivals;
+mod chance;
+mod crystal;
+mod excess;
+mod latency;
 mod line;
 pub mod others;
+mod pulse;
 mod receiver;
 mod recording;
 mod settings;
 mod talker;
 pub mod ubx;
+mod wander;
 
+pub use arrivals::{Arrival, Arrivals};
+pub use crystal::{Crystal, CrystalSettings, NOMINAL_HZ, Ramp};
+pub use excess::Excess;
+pub use latency::Latency;
 pub use line::{Damage, Damages, Line};
+pub use pulse::{Pulse, PulseFault, PulseFaultKind, PulseSettings, Pulses};
 pub use receiver::Receiver;
 pub use recording::{NoNavPvt, Recording};
-pub use settings::{Latency, Port, ReceiverSettings};
+pub use settings::{Port, ReceiverSettings, Stall, TimeFault};
 pub use talker::{Sent, Talker, Transmission, WorldNanos};
+pub use wander::Wander;

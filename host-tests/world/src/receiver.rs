@@ -3,19 +3,23 @@
 //! *Purpose.* The far end of the GPS line in `sim`, in `qemu` and in tests: it is
 //! configured like a real one and says the time like a real one.
 //!
-//! *Design.* Epochs stand on the grid of UTC that its rate gives, each moved to
-//! the nearest 1 kHz tick of its own crystal and truthfully reported in `nano`.
-//! Each is drawn ahead with its latency, so that [`Talker::next_event`] is a look
-//! at a field. Answers to configuration wait in a queue; one line carries both.
+//! *Design.* Its solutions are those of [`Arrivals`](crate::Arrivals), drawn one
+//! ahead, so that [`Talker::next_event`] is a look at a field. Answers to
+//! configuration wait in a queue; one line carries both. TIM-TP leaves behind the
+//! first solution after each pulse and tells of the next one in
+//! [`Pulses`](crate::Pulses).
 //!
 //! *Limits.* It understands CFG-PRT, CFG-MSG, CFG-RATE, CFG-NAV5 and CFG-TP5;
-//! any other CFG is refused with ACK-NAK, anything else is not answered. No leap
-//! second happens in this world.
+//! any other CFG is refused with ACK-NAK, anything else is not answered. What CFG-TP5
+//! asks for changes nothing about the pulse.
 
 use std::collections::VecDeque;
 
+use crate::arrivals::{Solution, Solver};
+use crate::chance::{Stream, stream};
+use crate::pulse::PulseMaker;
 use crate::settings::{Port, ReceiverSettings};
-use crate::talker::{Sent, Talker, Transmission, WorldNanos};
+use crate::talker::{Sent, Talker, Transmission, WorldNanos, line_ns};
 use crate::ubx::{self, Claims};
 
 /// From the last byte of a configuration frame to its answer, in ns: a receiver
@@ -23,21 +27,9 @@ use crate::ubx::{self, Claims};
 const ANSWER_NS: u64 = 5_000_000;
 /// The largest configuration frame that is listened for, in bytes.
 const HEARD_MAX: usize = 256;
-/// The tick on which solutions are computed, in ns.
-const SOLUTION_TICK_NS: i64 = 1_000_000;
 /// The shortest navigation period that is accepted, in ms (M8: 18 Hz).
 const PERIOD_MIN_MS: u16 = 55;
-
-/// A solution that is on its way to the line.
-#[derive(Clone, Copy, Debug)]
-struct Solution {
-    /// The epoch on the grid of UTC, in ns since 1970.
-    wanted_utc_ns: i64,
-    /// The epoch that it was computed for, in ns since 1970.
-    epoch_utc_ns: i64,
-    /// When it may begin to leave.
-    ready: WorldNanos,
-}
+const NS_PER_S: i64 = 1_000_000_000;
 
 /// An answer that is on its way to the line.
 #[derive(Clone, Debug)]
@@ -53,9 +45,13 @@ pub struct Receiver {
     settings: ReceiverSettings,
     port: Port,
     rng: fastrand::Rng,
+    solver: Solver,
     solution: Solution,
+    pulses: PulseMaker,
     /// Epochs so far, for messages that leave at every n-th one.
     epochs: u64,
+    /// Pulses told of so far, for TIM-TP that leaves at every n-th one.
+    forecasts: u64,
     answers: VecDeque<Answer>,
     heard: Vec<u8>,
     line_free: WorldNanos,
@@ -66,23 +62,23 @@ impl Receiver {
     /// A receiver that is powered at the world's start.
     #[must_use]
     pub fn new(settings: ReceiverSettings) -> Self {
-        let mut receiver = Self {
-            settings,
-            port: settings.port,
-            rng: fastrand::Rng::with_seed(settings.seed),
-            solution: Solution {
-                wanted_utc_ns: settings.utc_at_start_ns,
-                epoch_utc_ns: settings.utc_at_start_ns,
-                ready: WorldNanos(0),
-            },
+        let port = settings.port;
+        let mut solver = Solver::new(&settings);
+        let solution = solver.solve_after(settings.utc_at_start_ns, port.period_ns());
+        Self {
+            port,
+            rng: stream(settings.seed, Stream::Answers),
+            solver,
+            solution,
+            pulses: PulseMaker::new(&settings),
             epochs: 0,
+            forecasts: 0,
             answers: VecDeque::new(),
             heard: Vec::new(),
             line_free: WorldNanos(0),
             truth: Vec::new(),
-        };
-        receiver.solve_after(settings.utc_at_start_ns);
-        receiver
+            settings,
+        }
     }
 
     /// How its port and rate stand now.
@@ -97,24 +93,9 @@ impl Receiver {
         self.settings.utc_at_start_ns + at.0.cast_signed()
     }
 
-    /// Draws the first solution whose epoch on the grid is after `utc_ns`.
+    /// Draws what follows the solution whose epoch on the grid was `utc_ns`.
     fn solve_after(&mut self, utc_ns: i64) {
-        let period_ns = i64::from(self.port.period_ms.max(1)) * 1_000_000;
-        let wanted_utc_ns = (utc_ns.div_euclid(period_ns) + 1) * period_ns;
-        // The crystal's ticks drift through UTC; the one nearest to the wanted
-        // epoch lies up to half a tick to either side of it.
-        let since_start = i128::from(wanted_utc_ns - self.settings.utc_at_start_ns);
-        let drift_ns = since_start * i128::from(self.settings.crystal_ppb) / 1_000_000_000;
-        let half = i128::from(SOLUTION_TICK_NS / 2);
-        let off_ns = (drift_ns + half).rem_euclid(i128::from(SOLUTION_TICK_NS)) - half;
-        let epoch_utc_ns = wanted_utc_ns + off_ns as i64;
-        let epoch_ns = epoch_utc_ns - self.settings.utc_at_start_ns;
-        self.solution = Solution {
-            wanted_utc_ns,
-            epoch_utc_ns,
-            ready: WorldNanos(u64::try_from(epoch_ns).unwrap_or(0))
-                .plus(self.settings.latency.draw(&mut self.rng)),
-        };
+        self.solution = self.solver.solve_after(utc_ns, self.port.period_ns());
     }
 
     /// What it claims at `at`: a cold start goes through the stages of a real
@@ -141,7 +122,8 @@ impl Receiver {
     fn say_solution(&mut self, start: WorldNanos) -> Option<Transmission> {
         let Solution {
             wanted_utc_ns,
-            epoch_utc_ns,
+            told_utc_ns: epoch_utc_ns,
+            error_ns,
             ..
         } = self.solution;
         self.epochs += 1;
@@ -161,8 +143,32 @@ impl Receiver {
         if self.port.nmea {
             bytes.extend(ubx::rmc(epoch_utc_ns));
         }
+        if self.port.tim_tp_every > 0 {
+            bytes.extend(self.forecast(start, bytes.len(), error_ns));
+        }
         self.solve_after(wanted_utc_ns);
         (!bytes.is_empty()).then_some(Transmission { start, bytes, baud })
+    }
+
+    /// TIM-TP for the first pulse after it, behind `bytes` others that begin to
+    /// leave at `start`; nothing if that pulse has been told of, or never comes.
+    fn forecast(&mut self, start: WorldNanos, bytes: usize, error_ns: i64) -> Vec<u8> {
+        let told = start.plus(line_ns(bytes + ubx::TIM_TP_FRAME_LEN, self.port.baud));
+        let utc_s = self.utc_ns(told).div_euclid(NS_PER_S) + 1;
+        let made = match self.pulses.make_for(utc_s) {
+            Some(made) if utc_s * NS_PER_S >= self.utc_ns(self.settings.pulse.from) => made,
+            _ => return Vec::new(),
+        };
+        self.forecasts += 1;
+        if !self
+            .forecasts
+            .is_multiple_of(u64::from(self.port.tim_tp_every))
+        {
+            return Vec::new();
+        }
+        let (class, id) = ubx::TIM_TP;
+        let pulse_utc_ns = utc_s * NS_PER_S + error_ns;
+        ubx::frame(class, id, &ubx::tim_tp_payload(pulse_utc_ns, made.late_ps))
     }
 
     /// Obeys or refuses one frame.
@@ -174,8 +180,10 @@ impl Receiver {
         let accepted = match (id, payload) {
             (0x00, payload) => self.set_port(payload),
             (0x01, &[class, id, every]) | (0x01, &[class, id, _, every, _, _, _, _]) => {
-                if (class, id) == ubx::NAV_PVT {
-                    self.port.nav_pvt_every = every;
+                match (class, id) {
+                    ubx::NAV_PVT => self.port.nav_pvt_every = every,
+                    ubx::TIM_TP => self.port.tim_tp_every = every,
+                    _ => {}
                 }
                 true
             }
@@ -186,7 +194,7 @@ impl Receiver {
                     self.port.period_ms = period_ms;
                     let utc_ns = self.utc_ns(now);
                     // One that is on its way already still comes.
-                    if self.solution.epoch_utc_ns > utc_ns {
+                    if self.solution.wanted_utc_ns > utc_ns {
                         self.solve_after(utc_ns);
                     }
                 }
@@ -302,7 +310,7 @@ mod tests {
 
     #[test]
     fn five_a_second_with_the_latency_that_was_asked_for() {
-        let mut receiver = Receiver::new(configured(Latency::Constant { ns: 70_000_000 }));
+        let mut receiver = Receiver::new(configured(Latency::constant(70_000_000)));
         let sent = run(&mut receiver, WorldNanos(2_000 * SECOND));
         assert_eq!(sent.len(), 9_999);
         let mut off_grid_ns = Vec::new();
@@ -324,10 +332,7 @@ mod tests {
 
     #[test]
     fn a_half_bell_stands_on_its_floor() {
-        let mut receiver = Receiver::new(configured(Latency::HalfNormal {
-            floor_ns: 60_000_000,
-            sigma_ns: 5_000_000,
-        }));
+        let mut receiver = Receiver::new(configured(Latency::half_normal(60_000_000, 5_000_000)));
         run(&mut receiver, WorldNanos(2_000 * SECOND));
         let late: Vec<i64> = receiver
             .truth()
@@ -391,7 +396,7 @@ mod tests {
 
     #[test]
     fn a_cold_start_claims_no_good_time_before_its_end() {
-        let mut settings = configured(Latency::Constant { ns: 0 });
+        let mut settings = configured(Latency::constant(0));
         settings.cold_start_ns = 30 * SECOND;
         let mut receiver = Receiver::new(settings);
         for sent in run(&mut receiver, WorldNanos(60 * SECOND)) {
@@ -409,7 +414,10 @@ mod tests {
         };
         let say = |seed| {
             run(
-                &mut Receiver::new(ReceiverSettings { seed, ..settings }),
+                &mut Receiver::new(ReceiverSettings {
+                    seed,
+                    ..settings.clone()
+                }),
                 WorldNanos(9 * SECOND),
             )
         };

@@ -1,42 +1,106 @@
 //! What a simulated receiver is like.
 //!
-//! *Purpose.* Everything about [`Receiver`](crate::Receiver) that a test chooses.
+//! *Purpose.* Everything about a receiver that a test chooses, and what goes wrong
+//! with it and when.
 //!
 //! *Design.* Plain fields; [`ReceiverSettings::new`] gives a receiver as it comes
-//! out of its box, warm, with the latency of one that was measured.
+//! out of its box, warm, with the latency of one that was measured. The same
+//! settings drive [`Receiver`](crate::Receiver), [`Arrivals`](crate::Arrivals) and
+//! [`Pulses`](crate::Pulses), so that they are of one world.
 //!
-//! *Limits.* The latency is drawn anew for each epoch; slow wander of its floor
-//! is not modelled.
+//! *Limits.* What goes wrong does so at given moments, never by chance.
 
-/// How long a solution takes from its epoch to the first byte on the line.
+use crate::WorldNanos;
+use crate::latency::Latency;
+use crate::pulse::PulseSettings;
+
+/// A time without a word, after which everything comes at once: what became ready
+/// meanwhile leaves back to back, and the last epoch of it once more.
+///
+/// A Pixhawk 1's log has one of 1.56 s at 5 Hz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Latency {
-    /// Always the same.
-    Constant {
-        /// ns from the epoch to the first start bit.
-        ns: u64,
-    },
-    /// Never less than a floor, and half a bell curve above it.
-    HalfNormal {
-        /// The least, in ns.
-        floor_ns: u64,
-        /// The standard deviation of the whole bell curve, in ns.
-        sigma_ns: u64,
-    },
+pub struct Stall {
+    /// When it begins.
+    pub from: WorldNanos,
+    /// How long it lasts, in ns.
+    pub lasts_ns: u64,
 }
 
-impl Latency {
-    pub(crate) fn draw(self, rng: &mut fastrand::Rng) -> u64 {
-        match self {
-            Self::Constant { ns } => ns,
-            Self::HalfNormal { floor_ns, sigma_ns } => {
-                // Box–Muller; 1 − u keeps the logarithm's argument above zero.
-                let radius = (-2.0 * (1.0 - rng.f64()).ln()).sqrt();
-                let normal = radius * (core::f64::consts::TAU * rng.f64()).cos();
-                floor_ns + (normal.abs() * sigma_ns as f64) as u64
-            }
+impl Stall {
+    pub(crate) fn end(&self) -> WorldNanos {
+        self.from.plus(self.lasts_ns)
+    }
+
+    /// Whether what is ready at `at` has to wait.
+    pub(crate) fn holds(&self, at: WorldNanos) -> bool {
+        (self.from..self.end()).contains(&at)
+    }
+}
+
+/// A receiver whose time is wrong for a while, as after a glitch of its leap second
+/// or when its signals are forged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TimeFault {
+    /// The first moment at which it is wrong.
+    pub from: WorldNanos,
+    /// The first moment at which it is right again; `WorldNanos(u64::MAX)` for one
+    /// that stays wrong.
+    pub until: WorldNanos,
+    /// By how much its time jumps ahead at `from`, in ns; may be negative.
+    pub jump_ns: i64,
+    /// How fast it runs away after that, in ppb; positive runs ahead.
+    pub drift_ppb: i32,
+}
+
+impl TimeFault {
+    /// A jump by `jump_ns` for ever after `from`.
+    #[must_use]
+    pub const fn jump(from: WorldNanos, jump_ns: i64) -> Self {
+        Self {
+            from,
+            until: WorldNanos(u64::MAX),
+            jump_ns,
+            drift_ppb: 0,
         }
     }
+
+    /// Runs away by `drift_ppb` for ever after `from`.
+    #[must_use]
+    pub const fn drift(from: WorldNanos, drift_ppb: i32) -> Self {
+        Self {
+            from,
+            until: WorldNanos(u64::MAX),
+            jump_ns: 0,
+            drift_ppb,
+        }
+    }
+
+    /// The same, right again from `until` on.
+    #[must_use]
+    pub const fn until(self, until: WorldNanos) -> Self {
+        Self { until, ..self }
+    }
+
+    /// By how much its time is ahead at `at`, in ns.
+    pub(crate) fn error_ns(&self, at: WorldNanos) -> i64 {
+        if (self.from..self.until).contains(&at) {
+            let since_ns = (at.0 - self.from.0).cast_signed();
+            self.jump_ns + drifted_ns(since_ns, self.drift_ppb)
+        } else {
+            0
+        }
+    }
+}
+
+/// What an error of `ppb` makes of `ns`, in ns.
+pub(crate) fn drifted_ns(ns: i64, ppb: i32) -> i64 {
+    (i128::from(ns) * i128::from(ppb) / 1_000_000_000) as i64
+}
+
+/// By how much a receiver with `faults` is ahead of UTC at `at`, in ns.
+pub(crate) fn time_error_ns(faults: &[TimeFault], at: WorldNanos) -> i64 {
+    let of_each = faults.iter().map(|fault| fault.error_ns(at));
+    of_each.sum()
 }
 
 /// The receiver's port and rate, as they stand at power-on and as CFG-PRT,
@@ -49,6 +113,8 @@ pub struct Port {
     pub period_ms: u16,
     /// NAV-PVT is sent every so many epochs; 0 is never.
     pub nav_pvt_every: u8,
+    /// TIM-TP is sent for every so many pulses; 0 is never.
+    pub tim_tp_every: u8,
     /// Whether NMEA (here one RMC sentence an epoch) leaves, too.
     pub nmea: bool,
 }
@@ -59,6 +125,7 @@ impl Port {
         baud: 9_600,
         period_ms: 1_000,
         nav_pvt_every: 0,
+        tim_tp_every: 0,
         nmea: true,
     };
 
@@ -67,12 +134,18 @@ impl Port {
         baud: 115_200,
         period_ms: 200,
         nav_pvt_every: 1,
+        tim_tp_every: 0,
         nmea: false,
     };
+
+    /// From epoch to epoch, in ns.
+    pub(crate) fn period_ns(&self) -> i64 {
+        i64::from(self.period_ms.max(1)) * 1_000_000
+    }
 }
 
-/// What a [`Receiver`](crate::Receiver) is like.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What a receiver is like.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReceiverSettings {
     /// True UTC at the world's start, in ns since 1970.
     pub utc_at_start_ns: i64,
@@ -89,6 +162,12 @@ pub struct ReceiverSettings {
     pub crystal_ppb: i32,
     /// Its port at power-on.
     pub port: Port,
+    /// When it falls silent.
+    pub stalls: Vec<Stall>,
+    /// When its time is wrong.
+    pub time_faults: Vec<TimeFault>,
+    /// Its time pulse.
+    pub pulse: PulseSettings,
 }
 
 impl ReceiverSettings {
@@ -99,13 +178,13 @@ impl ReceiverSettings {
         Self {
             utc_at_start_ns,
             seed: 0,
-            latency: Latency::HalfNormal {
-                floor_ns: 60_900_000,
-                sigma_ns: 4_600_000,
-            },
+            latency: Latency::half_normal(60_900_000, 4_600_000),
             cold_start_ns: 0,
             crystal_ppb: 600,
             port: Port::FACTORY,
+            stalls: Vec::new(),
+            time_faults: Vec::new(),
+            pulse: PulseSettings::m8(),
         }
     }
 }

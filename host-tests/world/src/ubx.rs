@@ -23,6 +23,14 @@ const GPS_ORIGIN_S: i64 = 315_964_800;
 pub const NAV_PVT: (u8, u8) = (0x01, 0x07);
 /// The length of an M8's NAV-PVT payload, in bytes.
 pub const NAV_PVT_LEN: usize = 92;
+/// The length of a whole NAV-PVT frame, in bytes.
+pub const NAV_PVT_FRAME_LEN: usize = NAV_PVT_LEN + OVERHEAD;
+/// Class and id of TIM-TP.
+pub const TIM_TP: (u8, u8) = (0x0d, 0x01);
+/// The length of a TIM-TP payload, in bytes.
+pub const TIM_TP_LEN: usize = 16;
+/// The length of a whole TIM-TP frame, in bytes.
+pub const TIM_TP_FRAME_LEN: usize = TIM_TP_LEN + OVERHEAD;
 
 /// The Fletcher-8 checksum of everything between sync and checksum.
 fn checksum(bytes: &[u8]) -> [u8; 2] {
@@ -192,6 +200,33 @@ pub fn nav_pvt_epoch_utc_ns(payload: &[u8; NAV_PVT_LEN]) -> i64 {
         .fold(0, |sum, field| sum * 60 + i64::from(*field));
     let nano = i32::from_le_bytes([payload[16], payload[17], payload[18], payload[19]]);
     (days * 86_400 + of_day) * NS_PER_S + i64::from(nano)
+}
+
+/// A TIM-TP payload for the next pulse, which stands for the moment `pulse_utc_ns`
+/// and will be `late_ps` late because of the clock that makes it.
+///
+/// The time base is UTC, as CFG-TP5 asks for with the UTC grid: week and time of
+/// week run without GPS's leap seconds.
+///
+/// The field `qErr` is −`late_ps`. The receiver description names no sign; that it
+/// is *added* to the measured time of the edge was measured: with a time-interval
+/// counter on a ZED-F9T (A. Wallin, anderswallin.net, 2019-10, "uBlox F9T qErr
+/// correction"; the disciplined oscillator `clkpoc` does the same), and as a slope
+/// of −0.99 of the pulse's lateness over `qErr` (the notes of `qpps-shm`, 2026).
+#[must_use]
+pub fn tim_tp_payload(pulse_utc_ns: i64, late_ps: i32) -> [u8; TIM_TP_LEN] {
+    let of_base_ns = pulse_utc_ns - GPS_ORIGIN_S * NS_PER_S;
+    let ms = of_base_ns.div_euclid(1_000_000);
+    let sub_ms = i128::from(of_base_ns.rem_euclid(1_000_000)) * (1 << 32) / 1_000_000;
+    let mut payload = [0; TIM_TP_LEN];
+    payload[0..4].copy_from_slice(&(ms.rem_euclid(MS_PER_WEEK) as u32).to_le_bytes());
+    payload[4..8].copy_from_slice(&(sub_ms as u32).to_le_bytes());
+    payload[8..12].copy_from_slice(&late_ps.saturating_neg().to_le_bytes());
+    payload[12..14].copy_from_slice(&(ms.div_euclid(MS_PER_WEEK) as u16).to_le_bytes());
+    // The time base is UTC, and UTC is available; its standard is USNO's.
+    payload[14] = 0x03;
+    payload[15] = 0x3f;
+    payload
 }
 
 /// An NMEA RMC sentence without a position, for the epoch `epoch_utc_ns`.

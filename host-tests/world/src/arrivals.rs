@@ -1,0 +1,180 @@
+//! The receiver's solutions: when each is ready, and what it claims to be.
+//!
+//! *Purpose.* One source of time marks for [`Receiver`](crate::Receiver), which
+//! says them in bytes, and for [`Arrivals`], which says only when they arrive: a
+//! day of them in a fraction of a second.
+//!
+//! *Design.* Epochs stand on the grid of UTC that the rate gives, each moved to
+//! the nearest 1 kHz tick of the receiver's own crystal, as its `nano` then tells.
+//! A stall holds back what becomes ready in it; after the backlog its last epoch
+//! comes once more, as a real Pixhawk's log shows it. A fault of its time moves what
+//! is told and nothing else.
+//!
+//! *Limits.* A faulty receiver's epochs keep to the grid of true UTC: what it tells
+//! is off the grid by its error. No leap second happens in this world.
+
+use crate::latency::LatencySource;
+use crate::settings::{ReceiverSettings, Stall, TimeFault, drifted_ns, time_error_ns};
+use crate::talker::{WorldNanos, line_ns};
+use crate::ubx;
+
+/// The tick on which solutions are computed, in ns.
+const SOLUTION_TICK_NS: i64 = 1_000_000;
+
+/// A solution that is on its way to the line.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Solution {
+    /// The epoch on the grid of UTC, in ns since 1970.
+    pub wanted_utc_ns: i64,
+    /// The epoch that it claims to be computed for, in ns since 1970.
+    pub told_utc_ns: i64,
+    /// By how much that is ahead of the truth, in ns.
+    pub error_ns: i64,
+    /// When it may begin to leave.
+    pub ready: WorldNanos,
+    /// When the stall that holds it back is over.
+    held_until: Option<WorldNanos>,
+}
+
+/// Where solutions come from.
+#[derive(Clone, Debug)]
+pub(crate) struct Solver {
+    utc_at_start_ns: i64,
+    crystal_ppb: i32,
+    latency: LatencySource,
+    stalls: Vec<Stall>,
+    time_faults: Vec<TimeFault>,
+    last: Option<Solution>,
+    /// A solution that waits for the repetition of the one before it.
+    next: Option<Solution>,
+}
+
+impl Solver {
+    pub(crate) fn new(settings: &ReceiverSettings) -> Self {
+        Self {
+            utc_at_start_ns: settings.utc_at_start_ns,
+            crystal_ppb: settings.crystal_ppb,
+            latency: LatencySource::new(settings.latency, settings.seed),
+            stalls: settings.stalls.clone(),
+            time_faults: settings.time_faults.clone(),
+            last: None,
+            next: None,
+        }
+    }
+
+    /// The floor of the latency at `at`, in ns.
+    pub(crate) fn floor_ns(&mut self, at: WorldNanos) -> u64 {
+        self.latency.floor_ns(at)
+    }
+
+    /// What follows the solution whose epoch on the grid was `utc_ns`, with
+    /// `period_ns` from epoch to epoch.
+    pub(crate) fn solve_after(&mut self, utc_ns: i64, period_ns: i64) -> Solution {
+        let drawn = match self.next.take() {
+            Some(next) => next,
+            None => self.draw(utc_ns, period_ns),
+        };
+        let solution = match self.last {
+            Some(last) if last.held_until.is_some() && last.held_until != drawn.held_until => {
+                self.next = Some(drawn);
+                Solution {
+                    held_until: None,
+                    ..last
+                }
+            }
+            _ => drawn,
+        };
+        self.last = Some(solution);
+        solution
+    }
+
+    /// The first solution whose epoch on the grid is after `utc_ns`.
+    fn draw(&mut self, utc_ns: i64, period_ns: i64) -> Solution {
+        let wanted_utc_ns = (utc_ns.div_euclid(period_ns) + 1) * period_ns;
+        // The crystal's ticks drift through UTC; the one nearest to the wanted
+        // epoch lies up to half a tick to either side of it.
+        let since_start_ns = wanted_utc_ns - self.utc_at_start_ns;
+        let off_ns = drifted_ns(since_start_ns, self.crystal_ppb) + SOLUTION_TICK_NS / 2;
+        let off_ns = off_ns.rem_euclid(SOLUTION_TICK_NS) - SOLUTION_TICK_NS / 2;
+        let epoch = WorldNanos(u64::try_from(since_start_ns + off_ns).unwrap_or(0));
+        let mut ready = epoch.plus(self.latency.draw_ns(epoch));
+        let stall = self.stalls.iter().find(|stall| stall.holds(ready));
+        let held_until = stall.map(Stall::end);
+        if let Some(end) = held_until {
+            ready = end;
+        }
+        let error_ns = time_error_ns(&self.time_faults, epoch);
+        Solution {
+            wanted_utc_ns,
+            told_utc_ns: wanted_utc_ns + off_ns + error_ns,
+            error_ns,
+            ready,
+            held_until,
+        }
+    }
+}
+
+/// A time mark without its bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Arrival {
+    /// The epoch that its fields tell, in ns of UTC since 1970.
+    pub epoch_utc_ns: i64,
+    /// By how much that epoch is ahead of the true one, in ns: 0 unless the
+    /// receiver has a [`TimeFault`].
+    pub error_ns: i64,
+    /// When the start bit of its first byte begins.
+    pub first_byte: WorldNanos,
+    /// When that byte's stop bit ends: the moment at which a UART has received it.
+    pub first_byte_end: WorldNanos,
+}
+
+/// The time marks of a receiver that says nothing but NAV-PVT, at every epoch and
+/// at the rate and speed of its port, from the world's start on and for ever.
+///
+/// A [`Receiver`](crate::Receiver) of the same settings that needs no configuration
+/// says the same at the same moments.
+#[derive(Clone, Debug)]
+pub struct Arrivals {
+    solver: Solver,
+    period_ns: i64,
+    baud: u32,
+    solved_utc_ns: i64,
+    line_free: WorldNanos,
+}
+
+impl Arrivals {
+    /// The arrivals from a receiver like this.
+    #[must_use]
+    pub fn new(settings: &ReceiverSettings) -> Self {
+        Self {
+            solver: Solver::new(settings),
+            period_ns: settings.port.period_ns(),
+            baud: settings.port.baud,
+            solved_utc_ns: settings.utc_at_start_ns,
+            line_free: WorldNanos(0),
+        }
+    }
+
+    /// The floor of the latency at `at`, in ns: the least from an epoch then to the
+    /// first start bit.
+    pub fn floor_ns(&mut self, at: WorldNanos) -> u64 {
+        self.solver.floor_ns(at)
+    }
+}
+
+impl Iterator for Arrivals {
+    type Item = Arrival;
+
+    fn next(&mut self) -> Option<Arrival> {
+        let solution = self.solver.solve_after(self.solved_utc_ns, self.period_ns);
+        self.solved_utc_ns = solution.wanted_utc_ns;
+        let first_byte = solution.ready.max(self.line_free);
+        self.line_free = first_byte.plus(line_ns(ubx::NAV_PVT_FRAME_LEN, self.baud));
+        Some(Arrival {
+            epoch_utc_ns: solution.told_utc_ns,
+            error_ns: solution.error_ns,
+            first_byte,
+            first_byte_end: first_byte.plus(line_ns(1, self.baud)),
+        })
+    }
+}

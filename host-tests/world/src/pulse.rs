@@ -1,0 +1,346 @@
+//! The time pulse: an edge at each second, and what is wrong with it.
+//!
+//! *Purpose.* What a board's input capture sees, true and false edges alike, and
+//! what the receiver says about the true ones beforehand (TIM-TP).
+//!
+//! *Design.* The receiver can only make an edge at a tick of its own clock, which
+//! drifts through UTC: that part of the error is a sawtooth, and TIM-TP tells it.
+//! The rest is noise that nobody tells, some of it white, some of it slow. The
+//! receiver's own pulses come from one stream of chance and the faults of the wire
+//! from another, so that faults change nothing about the true edges, and what
+//! [`Receiver`](crate::Receiver) forecasts is what [`Pulses`] does.
+//!
+//! *Limits.* The noise is normal; the data sheet's (30 ns RMS, 60 ns at 99 %) has
+//! shorter tails. How much of it is slow is not published: none and half are the
+//! two cases. Edges are rounded to 1 ns.
+
+use std::collections::VecDeque;
+
+use fastrand::Rng;
+
+use crate::WorldNanos;
+use crate::chance::{Stream, even, normal, stream};
+use crate::settings::{ReceiverSettings, TimeFault, drifted_ns, time_error_ns};
+
+const NS_PER_S: i64 = 1_000_000_000;
+const PS_PER_S: f64 = 1e12;
+/// What the receiver's own clock does in a second beside its drift, in ps: an
+/// assumption (2 ppb of white frequency noise), so that the sawtooth is none of a
+/// textbook.
+const CLOCK_NOISE_PS: f64 = 2_000.0;
+
+/// What the time pulse is like.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PulseSettings {
+    /// How far its edges are off, root of the mean square, in ns.
+    pub rms_ns: u32,
+    /// How much of that square is slow, in percent.
+    pub correlated_percent: u8,
+    /// The time constant of the slow part, in ns.
+    pub correlation_ns: u64,
+    /// The clock at whose ticks edges can be made, in Hz; 0 for any time. Its
+    /// sawtooth is a part of `rms_ns`.
+    pub clock_hz: u32,
+    /// How long a pulse lasts, in ns.
+    pub width_ns: u64,
+    /// When the receiver begins to make pulses.
+    pub from: WorldNanos,
+    /// What goes wrong on the way.
+    pub faults: Vec<PulseFault>,
+}
+
+impl PulseSettings {
+    /// An M8's: 30 ns RMS on a clock of 48 MHz, which is ±10.4 ns of it, and 100 ms
+    /// wide, from the first second on. None of it is slow.
+    #[must_use]
+    pub const fn m8() -> Self {
+        Self {
+            rms_ns: 30,
+            correlated_percent: 0,
+            correlation_ns: 100_000_000_000,
+            clock_hz: 48_000_000,
+            width_ns: 100_000_000,
+            from: WorldNanos(0),
+            faults: Vec::new(),
+        }
+    }
+
+    /// An M8's of which half the square is slow, over 100 s.
+    #[must_use]
+    pub fn m8_correlated() -> Self {
+        Self {
+            correlated_percent: 50,
+            ..Self::m8()
+        }
+    }
+
+    /// The length of a tick of the receiver's clock, in ps.
+    fn tick_ps(&self) -> f64 {
+        match self.clock_hz {
+            0 => 0.0,
+            hz => PS_PER_S / f64::from(hz),
+        }
+    }
+}
+
+/// Something that happens to the pulse for a while.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PulseFault {
+    /// The first second, in true time, that it befalls.
+    pub from: WorldNanos,
+    /// The first second that it spares; `WorldNanos(u64::MAX)` for ever.
+    pub until: WorldNanos,
+    /// What it is.
+    pub kind: PulseFaultKind,
+}
+
+/// What can happen to the pulse.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PulseFaultKind {
+    /// The wire is cut.
+    Cut,
+    /// By chance, one pulse in so many is lost; 0 and 1 are all of them.
+    Missing {
+        /// One in how many.
+        one_in: u32,
+    },
+    /// A second edge follows each.
+    Doubled {
+        /// How long after it, in ns; less than a second.
+        after_ns: u64,
+    },
+    /// Each edge is followed by others while a contact bounces.
+    Bouncing {
+        /// How many.
+        edges: u8,
+        /// Within how long after it, in ns; less than a second. They are spread by
+        /// chance.
+        within_ns: u64,
+    },
+    /// It comes at another phase of the second.
+    WrongPhase {
+        /// By how much it is late, in ns; within half a second to either side.
+        by_ns: i64,
+    },
+}
+
+/// An edge on the pulse's wire.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pulse {
+    /// When it rises.
+    pub edge: WorldNanos,
+    /// When it falls again.
+    pub end: WorldNanos,
+    /// The second of UTC that it stands for, since 1970; `None` for an edge that
+    /// stands for none: a bounce, a double, one at a wrong phase.
+    pub utc_s: Option<i64>,
+    /// By how much the receiver's clock made it late, in ps, as TIM-TP tells
+    /// before it; negative if it is early.
+    pub late_ps: i32,
+}
+
+/// A pulse as the receiver makes it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Made {
+    /// The second of UTC that it stands for, since 1970.
+    pub utc_s: i64,
+    /// When it rises; may lie before the world's start.
+    edge_ns: i64,
+    /// The clock's part in its lateness, in ps.
+    pub late_ps: i32,
+}
+
+/// The pulses that the receiver makes, one a second.
+#[derive(Clone, Debug)]
+pub(crate) struct PulseMaker {
+    rng: Rng,
+    utc_at_start_ns: i64,
+    time_faults: Vec<TimeFault>,
+    next_s: i64,
+    tick_ps: f64,
+    /// What the receiver's clock gains on UTC in a second, in ps.
+    gain_ps: f64,
+    /// Where in a tick the second lies, from 0 to `tick_ps`.
+    phase_ps: f64,
+    white_ps: f64,
+    slow_ps: f64,
+    /// The slow part keeps so much from second to second.
+    keeps: f64,
+    /// It stands at so many of its deviations.
+    state: f64,
+}
+
+impl PulseMaker {
+    pub(crate) fn new(settings: &ReceiverSettings) -> Self {
+        let pulse = &settings.pulse;
+        let mut rng = stream(settings.seed, Stream::Pulse);
+        let tick_ps = pulse.tick_ps();
+        let square = (f64::from(pulse.rms_ns) * 1e3).powi(2);
+        let slow_square = square * f64::from(pulse.correlated_percent.min(100)) / 100.0;
+        // An even number within a tick has a twelfth of its square.
+        let white_square = (square - slow_square - tick_ps * tick_ps / 12.0).max(0.0);
+        Self {
+            utc_at_start_ns: settings.utc_at_start_ns,
+            time_faults: settings.time_faults.clone(),
+            next_s: -(-settings.utc_at_start_ns).div_euclid(NS_PER_S),
+            tick_ps,
+            gain_ps: drifted_ns(NS_PER_S, settings.crystal_ppb) as f64 * 1e3,
+            phase_ps: even(&mut rng) * tick_ps,
+            white_ps: white_square.sqrt(),
+            slow_ps: slow_square.sqrt(),
+            keeps: (-(NS_PER_S as f64) / pulse.correlation_ns.max(1) as f64).exp(),
+            state: normal(&mut rng),
+            rng,
+        }
+    }
+
+    pub(crate) fn make(&mut self) -> Made {
+        let utc_s = self.next_s;
+        self.next_s += 1;
+        let since_start_ns = utc_s * NS_PER_S - self.utc_at_start_ns;
+        let late_ps = self.phase_ps - 0.5 * self.tick_ps;
+        let noise_ps = self.white_ps * normal(&mut self.rng) + self.slow_ps * self.state;
+        // A receiver whose time is ahead makes its pulse early; whole seconds do
+        // not show.
+        let at = WorldNanos(since_start_ns.max(0).cast_unsigned());
+        let half = NS_PER_S / 2;
+        let early_ns = (time_error_ns(&self.time_faults, at) + half).rem_euclid(NS_PER_S) - half;
+        let made = Made {
+            utc_s,
+            edge_ns: since_start_ns + ((late_ps + noise_ps) * 1e-3).round() as i64 - early_ns,
+            late_ps: late_ps.round() as i32,
+        };
+        self.state = self.keeps * self.state
+            + (1.0 - self.keeps * self.keeps).sqrt() * normal(&mut self.rng);
+        let clock_ps = self.gain_ps + CLOCK_NOISE_PS * normal(&mut self.rng);
+        if self.tick_ps > 0.0 {
+            self.phase_ps = (self.phase_ps + clock_ps).rem_euclid(self.tick_ps);
+        }
+        made
+    }
+
+    /// The pulse of the second `utc_s`, unless it has been asked for already.
+    pub(crate) fn make_for(&mut self, utc_s: i64) -> Option<Made> {
+        while self.next_s < utc_s {
+            self.make();
+        }
+        (self.next_s == utc_s).then(|| self.make())
+    }
+}
+
+/// The edges on the pulse's wire in their order, for ever or until it is cut for
+/// ever.
+#[derive(Clone, Debug)]
+pub struct Pulses {
+    maker: PulseMaker,
+    rng: Rng,
+    utc_at_start_ns: i64,
+    settings: PulseSettings,
+    /// Edges on their way, in their order.
+    ahead: VecDeque<Pulse>,
+    /// No edge of a second to come is before this.
+    settled_ns: i64,
+    is_cut: bool,
+}
+
+impl Pulses {
+    /// The pulses of a receiver like this.
+    #[must_use]
+    pub fn new(settings: &ReceiverSettings) -> Self {
+        Self {
+            maker: PulseMaker::new(settings),
+            rng: stream(settings.seed, Stream::PulseFaults),
+            utc_at_start_ns: settings.utc_at_start_ns,
+            settings: settings.pulse.clone(),
+            ahead: VecDeque::new(),
+            settled_ns: i64::MIN,
+            is_cut: false,
+        }
+    }
+
+    /// Brings the edges of the next second.
+    fn add_second(&mut self) {
+        let made = self.maker.make();
+        let second_ns = made.utc_s * NS_PER_S - self.utc_at_start_ns;
+        // The next second's may come half a second early.
+        self.settled_ns = second_ns + NS_PER_S / 2;
+        let Ok(at) = u64::try_from(second_ns).map(WorldNanos) else {
+            return;
+        };
+        if at < self.settings.from {
+            return;
+        }
+        let mut edge_ns = made.edge_ns;
+        let mut utc_s = Some(made.utc_s);
+        let mut is_lost = false;
+        let mut more_ns = Vec::new();
+        for fault in &self.settings.faults {
+            if !(fault.from..fault.until).contains(&at) {
+                continue;
+            }
+            match fault.kind {
+                PulseFaultKind::Cut => {
+                    is_lost = true;
+                    self.is_cut |= fault.until.0 == u64::MAX;
+                }
+                PulseFaultKind::Missing { one_in } => {
+                    is_lost |= self.rng.u32(0..one_in.max(1)) == 0;
+                }
+                PulseFaultKind::Doubled { after_ns } => more_ns.push(after_ns),
+                PulseFaultKind::Bouncing { edges, within_ns } => {
+                    more_ns.extend((0..edges).map(|_| self.rng.u64(0..within_ns.max(1)) + 1));
+                }
+                PulseFaultKind::WrongPhase { by_ns } => {
+                    edge_ns += by_ns;
+                    utc_s = None;
+                }
+            }
+        }
+        if is_lost {
+            return;
+        }
+        self.add_edge(edge_ns, utc_s, made.late_ps);
+        for after_ns in more_ns {
+            self.add_edge(edge_ns.saturating_add_unsigned(after_ns), None, 0);
+        }
+    }
+
+    fn add_edge(&mut self, edge_ns: i64, utc_s: Option<i64>, late_ps: i32) {
+        let Ok(edge) = u64::try_from(edge_ns).map(WorldNanos) else {
+            return;
+        };
+        let index = self.ahead.partition_point(|pulse| pulse.edge <= edge);
+        self.ahead.insert(
+            index,
+            Pulse {
+                edge,
+                end: edge.plus(self.settings.width_ns),
+                utc_s,
+                late_ps,
+            },
+        );
+    }
+}
+
+impl Iterator for Pulses {
+    type Item = Pulse;
+
+    fn next(&mut self) -> Option<Pulse> {
+        // The one behind has to be known, too: it may cut this one short.
+        let is_settled = |pulse: &Pulse, until_ns: i64| (pulse.edge.0 as i64) < until_ns;
+        while !self.is_cut
+            && !self
+                .ahead
+                .get(1)
+                .is_some_and(|p| is_settled(p, self.settled_ns))
+        {
+            self.add_second();
+        }
+        let mut pulse = self.ahead.pop_front()?;
+        if let Some(behind) = self.ahead.front() {
+            let half_way = pulse.edge.plus((behind.edge.0 - pulse.edge.0) / 2);
+            pulse.end = pulse.end.min(half_way);
+        }
+        Some(pulse)
+    }
+}

@@ -132,7 +132,8 @@ pub struct Arrival {
 /// at the rate and speed of its port, from the world's start on and for ever.
 ///
 /// A [`Receiver`](crate::Receiver) of the same settings that needs no configuration
-/// says the same at the same moments.
+/// says the same at the same moments; only in the backlog of a stall can TIM-TP
+/// come between.
 #[derive(Clone, Debug)]
 pub struct Arrivals {
     solver: Solver,
@@ -176,5 +177,154 @@ impl Iterator for Arrivals {
             first_byte,
             first_byte_end: first_byte.plus(line_ns(1, self.baud)),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Latency, Port, Receiver, Talker, Wander};
+
+    const NOON_NS: i64 = 1_795_348_800_000_000_000;
+    const SECOND: u64 = 1_000_000_000;
+    const MS: u64 = 1_000_000;
+    /// A NAV-PVT at 115200.
+    const FRAME_NS: u64 = 8_680_555;
+
+    fn settings(latency: Latency) -> ReceiverSettings {
+        ReceiverSettings {
+            latency,
+            port: Port::CONFIGURED,
+            ..ReceiverSettings::new(NOON_NS)
+        }
+    }
+
+    fn at(seconds: u64) -> WorldNanos {
+        WorldNanos(seconds * SECOND)
+    }
+
+    /// The true latency of an arrival, in ns.
+    fn latency_ns(arrival: &Arrival) -> i64 {
+        NOON_NS + arrival.first_byte.0 as i64 - (arrival.epoch_utc_ns - arrival.error_ns)
+    }
+
+    #[test]
+    fn a_receiver_says_the_same_at_the_same_moments() {
+        let healthy = ReceiverSettings {
+            seed: 7,
+            time_faults: vec![TimeFault::jump(at(200), 1_000_000_000)],
+            ..settings(Latency::m8().with_wander(Wander::WALK_8_MS))
+        };
+        let stalling = ReceiverSettings {
+            stalls: vec![Stall {
+                from: at(100),
+                lasts_ns: 1_560 * MS,
+            }],
+            ..healthy.clone()
+        };
+        // TIM-TP leaves behind a NAV-PVT and delays none but in a backlog.
+        let mut telling = healthy;
+        telling.port.tim_tp_every = 1;
+        for settings in [stalling, telling] {
+            let mut receiver = Receiver::new(settings.clone());
+            while receiver.next_event().is_some_and(|event| event < at(300)) {
+                let now = receiver.next_event().unwrap();
+                receiver.poll(now);
+            }
+            assert!(receiver.truth().len() > 1_490);
+            for (sent, arrival) in receiver.truth().iter().zip(Arrivals::new(&settings)) {
+                assert_eq!(
+                    (sent.epoch_utc_ns, sent.first_byte),
+                    (arrival.epoch_utc_ns, arrival.first_byte)
+                );
+                // Ten bits at 115200.
+                assert_eq!(arrival.first_byte_end.0 - arrival.first_byte.0, 86_805);
+            }
+        }
+    }
+
+    #[test]
+    fn a_stall_ends_in_a_backlog_and_a_repetition() {
+        let mut settings = settings(Latency::constant(50 * MS));
+        settings.crystal_ppb = 0;
+        settings.stalls = vec![Stall {
+            from: at(10),
+            lasts_ns: 1_560 * MS,
+        }];
+        let all: Vec<Arrival> = Arrivals::new(&settings).take(100).collect();
+        let late: Vec<&Arrival> = all.iter().filter(|a| latency_ns(a) > 50_000_000).collect();
+        // The epochs from 10.0 to 11.4 s are ready in it, and the last comes again.
+        let epochs: Vec<i64> = late
+            .iter()
+            .map(|a| (a.epoch_utc_ns - NOON_NS) / 1_000_000)
+            .collect();
+        assert_eq!(
+            epochs,
+            [
+                10_000, 10_200, 10_400, 10_600, 10_800, 11_000, 11_200, 11_400, 11_400
+            ]
+        );
+        for (place, arrival) in late.iter().enumerate() {
+            let back_to_back = 11_560 * MS + place as u64 * FRAME_NS;
+            assert_eq!(arrival.first_byte.0, back_to_back);
+        }
+        // Before and after it is as ever.
+        assert_eq!(all[48].first_byte, WorldNanos(9_850 * MS));
+        assert_eq!(all[58].first_byte, WorldNanos(11_650 * MS));
+        assert!(all.is_sorted_by(|one, next| next.first_byte.0 - one.first_byte.0 >= FRAME_NS));
+    }
+
+    #[test]
+    fn time_jumps_and_runs_away_as_asked() {
+        let mut settings = settings(Latency::m8());
+        settings.time_faults = vec![
+            TimeFault::jump(at(100), -18_000_000_000).until(at(200)),
+            TimeFault::drift(at(300), 2_000).until(at(400)),
+        ];
+        let honest = Arrivals::new(&ReceiverSettings {
+            time_faults: Vec::new(),
+            ..settings.clone()
+        });
+        for (is, was) in Arrivals::new(&settings).zip(honest).take(2_500) {
+            // Only what is told has changed, and by what it says.
+            assert_eq!(is.first_byte, was.first_byte);
+            assert_eq!(is.epoch_utc_ns, was.epoch_utc_ns + is.error_ns);
+            assert_eq!(was.error_ns, 0);
+            let epoch_ns = (was.epoch_utc_ns - NOON_NS) as u64;
+            let expected = match epoch_ns / SECOND {
+                100..200 => -18_000_000_000,
+                // 2 µs a second.
+                300..400 => (epoch_ns - 300 * SECOND) as i64 * 2 / 1_000_000,
+                _ => 0,
+            };
+            assert_eq!(is.error_ns, expected);
+        }
+    }
+
+    #[test]
+    fn nothing_arrives_before_the_floor_and_some_at_it() {
+        let settings = settings(Latency::f9().with_wander(Wander::sine_8_ms(60 * SECOND, 0)));
+        let mut floors = Arrivals::new(&settings);
+        let mut nearest = i64::MAX;
+        for arrival in Arrivals::new(&settings).take(50_000) {
+            let epoch = WorldNanos((arrival.epoch_utc_ns - NOON_NS) as u64);
+            let above = latency_ns(&arrival) - floors.floor_ns(epoch) as i64;
+            assert!(above >= 0);
+            nearest = nearest.min(above);
+        }
+        assert!(nearest < 1_000, "{nearest}");
+    }
+
+    #[test]
+    fn the_same_seed_brings_the_same() {
+        let bring = |seed| {
+            let settings = ReceiverSettings {
+                seed,
+                ..settings(Latency::gamma().with_memory(20 * SECOND))
+            };
+            Arrivals::new(&settings).take(100).collect::<Vec<_>>()
+        };
+        assert_eq!(bring(1), bring(1));
+        assert_ne!(bring(1), bring(2));
     }
 }

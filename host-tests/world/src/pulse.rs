@@ -344,3 +344,218 @@ impl Iterator for Pulses {
         Some(pulse)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NOON_NS: i64 = 1_795_348_800_000_000_000;
+    const NOON_S: i64 = NOON_NS / NS_PER_S;
+    const SECOND: u64 = 1_000_000_000;
+
+    fn settings(pulse: PulseSettings) -> ReceiverSettings {
+        ReceiverSettings {
+            pulse,
+            ..ReceiverSettings::new(NOON_NS)
+        }
+    }
+
+    /// A fault from second 10 to second 20 and the pulses of the first 30 s.
+    fn with_fault(kind: PulseFaultKind) -> Vec<Pulse> {
+        let mut settings = settings(PulseSettings::m8());
+        settings.pulse.faults.push(PulseFault {
+            from: WorldNanos(10 * SECOND),
+            until: WorldNanos(20 * SECOND),
+            kind,
+        });
+        let end = WorldNanos(30 * SECOND - SECOND / 2);
+        Pulses::new(&settings)
+            .take_while(|p| p.edge < end)
+            .collect()
+    }
+
+    /// How late a true pulse is, in ns.
+    fn late_ns(pulse: &Pulse) -> f64 {
+        (NOON_NS + pulse.edge.0 as i64 - pulse.utc_s.unwrap() * NS_PER_S) as f64
+    }
+
+    fn rms(values: impl Iterator<Item = f64>) -> f64 {
+        let (squares, count) = values.fold((0.0, 0.0), |(s, n), v| (s + v * v, n + 1.0));
+        (squares / count).sqrt()
+    }
+
+    fn autocorrelation(values: &[f64], lag: usize) -> f64 {
+        let products = values.iter().zip(&values[lag..]).map(|(a, b)| a * b);
+        let square = rms(values.iter().copied()).powi(2);
+        products.sum::<f64>() / (values.len() - lag) as f64 / square
+    }
+
+    #[test]
+    fn the_error_is_as_great_as_asked_and_the_clock_has_its_part_in_it() {
+        let pulses: Vec<Pulse> = Pulses::new(&settings(PulseSettings::m8()))
+            .take(100_000)
+            .collect();
+        let late: Vec<f64> = pulses.iter().map(late_ns).collect();
+        assert!((rms(late.iter().copied()) / 30.0 - 1.0).abs() < 0.02);
+        // Even over a tick of 20.83 ns: 6.01 ns RMS, and never beyond ±10.42 ns.
+        let told: Vec<f64> = pulses.iter().map(|p| f64::from(p.late_ps) * 1e-3).collect();
+        assert!(told.iter().all(|ns| ns.abs() <= 10.417));
+        assert!((rms(told.iter().copied()) / 6.014 - 1.0).abs() < 0.02);
+        // What is told is in the error: without it, √(30² − 6.01²) = 29.39 ns are
+        // left, and with its sign turned more than before.
+        let apart = |sign: f64| rms(late.iter().zip(&told).map(|(l, t)| l - sign * t));
+        assert!((apart(1.0) - 29.39).abs() < 0.3, "{}", apart(1.0));
+        assert!(apart(-1.0) > 31.0);
+        // The rest is white.
+        let rest: Vec<f64> = late.iter().zip(&told).map(|(l, t)| l - t).collect();
+        assert!(autocorrelation(&rest, 1).abs() < 0.02);
+    }
+
+    #[test]
+    fn the_clock_alone_makes_a_sawtooth() {
+        let pulse = PulseSettings {
+            rms_ns: 0,
+            ..PulseSettings::m8()
+        };
+        for pulse in Pulses::new(&settings(pulse)).take(10_000) {
+            // The wire is good to a ns.
+            assert!((late_ns(&pulse) - f64::from(pulse.late_ps) * 1e-3).abs() <= 0.501);
+        }
+        let even = PulseSettings {
+            rms_ns: 0,
+            clock_hz: 0,
+            ..PulseSettings::m8()
+        };
+        assert!(
+            Pulses::new(&settings(even))
+                .take(100)
+                .all(|p| late_ns(&p) == 0.0)
+        );
+    }
+
+    #[test]
+    fn half_of_it_is_slow_where_asked() {
+        let pulses = Pulses::new(&settings(PulseSettings::m8_correlated()));
+        // 400 000 s: 4 000 time constants.
+        let late: Vec<f64> = pulses.take(400_000).map(|p| late_ns(&p)).collect();
+        assert!((rms(late.iter().copied()) / 30.0 - 1.0).abs() < 0.03);
+        // The clock's part repeats itself a little; 50 s leave e^−0.5 of the slow half.
+        for (lag, expected) in [(50, 0.303), (100, 0.184), (400, 0.009)] {
+            let is = autocorrelation(&late, lag);
+            assert!((is - expected).abs() < 0.04, "{lag}: {is}");
+        }
+    }
+
+    #[test]
+    fn a_steady_train_has_every_second_once() {
+        let mut settings = settings(PulseSettings::m8());
+        settings.utc_at_start_ns += 300_000_000;
+        settings.pulse.from = WorldNanos(5 * SECOND);
+        for (number, pulse) in Pulses::new(&settings).take(100).enumerate() {
+            // The first second after 5 s from 0.3 s on is the 6th.
+            assert_eq!(pulse.utc_s, Some(NOON_S + 6 + number as i64));
+            assert!(
+                pulse
+                    .edge
+                    .0
+                    .abs_diff(5_700_000_000 + number as u64 * SECOND)
+                    < 200
+            );
+            assert_eq!(pulse.end.0 - pulse.edge.0, 100_000_000);
+        }
+    }
+
+    #[test]
+    fn lost_pulses_leave_a_gap() {
+        let seconds = |pulses: Vec<Pulse>| -> Vec<i64> {
+            pulses.iter().map(|p| p.utc_s.unwrap() - NOON_S).collect()
+        };
+        let gap: Vec<i64> = (0..10).chain(20..30).collect();
+        // The very first may come before the world's start, and then is not there.
+        let all = seconds(with_fault(PulseFaultKind::Cut));
+        assert!(all == gap || all == gap[1..], "{all:?}");
+        let every = seconds(with_fault(PulseFaultKind::Missing { one_in: 1 }));
+        assert_eq!(every, all);
+        let some = seconds(with_fault(PulseFaultKind::Missing { one_in: 2 }));
+        assert!(some.len() > all.len() && some.len() < all.len() + 10);
+
+        let mut forever = settings(PulseSettings::m8());
+        forever.pulse.faults.push(PulseFault {
+            from: WorldNanos(10 * SECOND),
+            until: WorldNanos(u64::MAX),
+            kind: PulseFaultKind::Cut,
+        });
+        assert_eq!(
+            Pulses::new(&forever).last().unwrap().utc_s,
+            Some(NOON_S + 9)
+        );
+    }
+
+    #[test]
+    fn false_edges_come_between_the_true_ones_and_change_none() {
+        let healthy = with_fault(PulseFaultKind::Missing { one_in: u32::MAX });
+        for (kind, false_edges, within_ns) in [
+            (PulseFaultKind::Doubled { after_ns: 30_000 }, 1, 30_000),
+            (
+                PulseFaultKind::Doubled {
+                    after_ns: 700_000_000,
+                },
+                1,
+                700_000_000,
+            ),
+            (
+                PulseFaultKind::Bouncing {
+                    edges: 3,
+                    within_ns: 50_000,
+                },
+                3,
+                50_000,
+            ),
+        ] {
+            let pulses = with_fault(kind);
+            assert!(pulses.is_sorted_by(|one, next| one.end <= next.edge));
+            let (kept, extra): (Vec<&Pulse>, Vec<&Pulse>) =
+                pulses.iter().partition(|p| p.utc_s.is_some());
+            assert_eq!(extra.len(), 10 * false_edges);
+            for (is, was) in kept.iter().zip(&healthy) {
+                assert_eq!(
+                    (is.edge, is.utc_s, is.late_ps),
+                    (was.edge, was.utc_s, was.late_ps)
+                );
+            }
+            for edge in extra {
+                let behind = edge.edge.0 % SECOND;
+                assert!(behind <= within_ns + 200 && (10..=20).contains(&(edge.edge.0 / SECOND)));
+            }
+        }
+    }
+
+    #[test]
+    fn a_wrong_phase_is_off_by_what_was_asked() {
+        let healthy = with_fault(PulseFaultKind::Missing { one_in: u32::MAX });
+        for by_ns in [-400_000_000, 250_000, 400_000_000] {
+            let pulses = with_fault(PulseFaultKind::WrongPhase { by_ns });
+            let wrong: Vec<&Pulse> = pulses.iter().filter(|p| p.utc_s.is_none()).collect();
+            assert_eq!(wrong.len(), 10);
+            for (is, was) in pulses.iter().zip(&healthy) {
+                let off_ns = is.edge.0 as i64 - was.edge.0 as i64;
+                assert_eq!(off_ns, if is.utc_s.is_some() { 0 } else { by_ns });
+            }
+        }
+    }
+
+    #[test]
+    fn a_receiver_that_runs_away_takes_its_pulse_with_it() {
+        let mut settings = settings(PulseSettings::m8());
+        settings.time_faults = vec![
+            TimeFault::jump(WorldNanos(10 * SECOND), 1_000_000_000),
+            TimeFault::drift(WorldNanos(50 * SECOND), 1_000),
+        ];
+        for pulse in Pulses::new(&settings).take(100) {
+            // 1 µs a second, early because it is ahead; the jump does not show.
+            let since_s = pulse.utc_s.unwrap() - NOON_S - 50;
+            let expected = -1_000.0 * since_s.max(0) as f64;
+            assert!((late_ns(&pulse) - expected).abs() < 200.0);
+        }
+    }
+}

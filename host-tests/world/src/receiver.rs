@@ -278,7 +278,7 @@ impl Talker for Receiver {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Latency;
+    use crate::{Latency, Pulse, Pulses};
 
     const NOON_NS: i64 = 1_795_348_800_000_000_000;
     const SECOND: u64 = 1_000_000_000;
@@ -404,6 +404,38 @@ mod tests {
             let good = payload[11] & 7 == 7 && payload[12..16] != [0xff; 4];
             assert_eq!(good, sent.start >= WorldNanos(30 * SECOND));
         }
+    }
+
+    #[test]
+    fn tim_tp_tells_of_each_pulse_before_it_comes() {
+        let mut receiver = Receiver::new(configured(Latency::m8()));
+        receiver.hear(WorldNanos(0), 115_200, &ubx::frame(6, 1, &[0x0d, 1, 1]));
+        let pulses: Vec<Pulse> = Pulses::new(&configured(Latency::m8())).take(60).collect();
+        let mut told = 0;
+        for sent in run(&mut receiver, WorldNanos(50 * SECOND)) {
+            for frame in ubx::find_frames(&sent.bytes, |class, id, _| (class, id) == ubx::TIM_TP) {
+                let field = |at: usize| <[u8; 4]>::try_from(&frame.payload[at..at + 4]).unwrap();
+                // 2026-11-22 is a Sunday, the first day of the week; noon is its half.
+                let tow_ms = u32::from_le_bytes(field(0)) - 43_200_000;
+                let pulse = pulses
+                    .iter()
+                    .find(|p| p.utc_s == Some(NOON_NS / NS_PER_S + i64::from(tow_ms / 1_000)));
+                let pulse = pulse.expect("a pulse as told");
+                assert_eq!(i32::from_le_bytes(field(8)), -pulse.late_ps);
+                assert!(sent.end() < pulse.edge && pulse.edge.0 - sent.end().0 < SECOND);
+                told += 1;
+            }
+        }
+        // The first is told of at 0.2 s, one more each second.
+        assert_eq!(told, 50);
+        // And the pulse may begin later.
+        let mut settings = configured(Latency::m8());
+        settings.port.tim_tp_every = 1;
+        settings.pulse.from = WorldNanos(30 * SECOND);
+        let sent = run(&mut Receiver::new(settings), WorldNanos(50 * SECOND));
+        let with_forecast = sent.iter().filter(|sent| sent.bytes.len() > 100);
+        let starts: Vec<u64> = with_forecast.map(|sent| sent.start.0 / SECOND).collect();
+        assert_eq!(starts, (29..50).collect::<Vec<u64>>());
     }
 
     #[test]

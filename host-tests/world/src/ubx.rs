@@ -303,6 +303,18 @@ mod tests {
     }
 
     #[test]
+    fn a_pulse_is_told_in_the_week_of_utc() {
+        // The GPS week that began on Sunday, 2026-11-22 is number 2446.
+        let p = tim_tp_payload(MIDNIGHT_NS + 1_500_000_000 + 250_000, 10_417);
+        let word = |at: usize| u32::from_le_bytes([p[at], p[at + 1], p[at + 2], p[at + 3]]);
+        assert_eq!((word(0), word(4)), (1_500, 1 << 30));
+        assert_eq!(word(8).cast_signed(), -10_417);
+        assert_eq!(u16::from_le_bytes([p[12], p[13]]), 2_446);
+        let before = tim_tp_payload(MIDNIGHT_NS - 1_000_000, 0);
+        assert_eq!(u16::from_le_bytes([before[12], before[13]]), 2_445);
+    }
+
+    #[test]
     fn frames_have_the_checksum_of_known_ones() {
         // A MON-VER poll and the CFG-RATE frame for 5 Hz, as any encoder gives them.
         assert_eq!(

@@ -25,6 +25,7 @@ mod latency;
 mod line;
 pub mod others;
 mod pulse;
+mod pulse_maker;
 mod receiver;
 mod recording;
 mod settings;

@@ -17,7 +17,7 @@ use std::collections::VecDeque;
 
 use crate::arrivals::{Solution, Solver};
 use crate::chance::{Stream, stream};
-use crate::pulse::PulseMaker;
+use crate::pulse_maker::PulseMaker;
 use crate::settings::{Port, ReceiverSettings};
 use crate::talker::{Sent, Talker, Transmission, WorldNanos, line_ns};
 use crate::ubx::{self, Claims};

@@ -33,6 +33,7 @@ pub static MAVLINK: Report<MavlinkReport> = Report::new();
 pub static NEWS: Channel<CriticalSectionRawMutex, Outcome, 4> = Channel::new();
 
 /// The node's time at `when`, for MAVLink.
+#[inline(never)]
 pub fn node_time(when: Cycles) -> NodeTime {
     let reading = CLOCK.reading_at(when);
     NodeTime {

@@ -4,19 +4,21 @@ use heapless::spsc::Queue;
 use stm32f4xx_hal::interrupt;
 use stm32f4xx_hal::pac::{Interrupt, UART4, USART2};
 
-use crate::drivers::uart::Line;
+use crate::drivers::uart::{Incoming, Line};
 
 /// A line over the given UART: so many bytes, less one, may wait to leave.
 macro_rules! line {
     ($name:ident, $uart:ident, $outgoing:literal) => {
         pub(super) static $name: Line = {
+            static INCOMING: Incoming = Incoming::new();
             static mut OUTGOING: Queue<u8, $outgoing> = Queue::new();
-            // SAFETY: the ring is named nowhere else, so that this is its only split. The UART is ours: its peripheral is consumed by `init`.
+            // SAFETY: the rings are named nowhere else, so that this is the only use of the one and the only split of the other. The UART is ours: its peripheral is consumed by `init`.
             #[expect(static_mut_refs, reason = "split once, here, at compile time")]
             unsafe {
                 Line::new(
                     $uart::ptr().cast(),
                     Interrupt::$uart,
+                    &INCOMING,
                     OUTGOING.split_const(),
                 )
             }

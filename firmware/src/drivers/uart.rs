@@ -56,6 +56,20 @@ pub const INCOMING: usize = 256;
 /// So many bytes wake a task though the line is still talking: 11 ms at 115200.
 const WORTH_WAKING: usize = 128;
 
+/// The incoming ring of a line, beside it rather than in it: all zeros at first, it
+/// takes no flash.
+pub struct Incoming(UnsafeCell<Deque<StampedByte, INCOMING>>);
+
+// SAFETY: only its `Line` reaches into it, as told there.
+unsafe impl Sync for Incoming {}
+
+impl Incoming {
+    /// An empty one.
+    pub const fn new() -> Self {
+        Self(UnsafeCell::new(Deque::new()))
+    }
+}
+
 /// What went wrong on a line, by kind.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LineErrors {
@@ -75,7 +89,7 @@ pub struct LineErrors {
 pub struct Line {
     registers: *const RegisterBlock,
     interrupt: Interrupt,
-    incoming: UnsafeCell<Deque<StampedByte, INCOMING>>,
+    incoming: &'static Incoming,
     outgoing: UnsafeCell<Consumer<'static, u8>>,
     end: Mutex<Cell<Option<Producer<'static, u8>>>>,
     reader: AtomicWaker,
@@ -100,22 +114,23 @@ unsafe impl Sync for Line {}
 
 impl Line {
     /// A line over the UART at `registers`, whose handler `interrupt` calls
-    /// [`Self::on_interrupt`], with the ends of its two rings.
+    /// [`Self::on_interrupt`], with its incoming ring and the ends of its outgoing one.
     ///
     /// # Safety
     ///
-    /// `registers` is a U(S)ART of the chip that nobody else writes to once the
-    /// line is open. (UART4's registers are those of a USART without the
+    /// No other line has `incoming`. `registers` is a U(S)ART of the chip that nobody
+    /// else writes to once the line is open. (UART4's registers are those of a USART without the
     /// synchronous and flow-control bits, which stay 0 here.)
     pub const unsafe fn new(
         registers: *const RegisterBlock,
         interrupt: Interrupt,
+        incoming: &'static Incoming,
         outgoing: (Producer<'static, u8>, Consumer<'static, u8>),
     ) -> Self {
         Self {
             registers,
             interrupt,
-            incoming: UnsafeCell::new(Deque::new()),
+            incoming,
             outgoing: UnsafeCell::new(outgoing.1),
             end: Mutex::new(Cell::new(Some(outgoing.0))),
             reader: AtomicWaker::new(),
@@ -156,7 +171,7 @@ impl Line {
         let byte = registers.dr().read().bits() as u8;
         if status & bits::SR_ERRORS == 0 || self.is_usable(status) {
             // SAFETY: who else uses the ring masks this handler meanwhile.
-            let incoming = unsafe { &mut *self.incoming.get() };
+            let incoming = unsafe { &mut *self.incoming.0.get() };
             if incoming.push_back(StampedByte { stamp, byte }).is_err() {
                 self.count(Kind::IncomingFull);
             }
@@ -234,7 +249,7 @@ impl Line {
     fn with_incoming<R>(&self, act: impl FnOnce(&mut Deque<StampedByte, INCOMING>) -> R) -> R {
         critical_section::with(|_| {
             // SAFETY: the handler and all others who could come here are masked.
-            act(unsafe { &mut *self.incoming.get() })
+            act(unsafe { &mut *self.incoming.0.get() })
         })
     }
 
@@ -300,6 +315,7 @@ pub struct Writer {
 
 impl Writer {
     /// Puts a whole frame into the ring, or none of it.
+    #[inline(never)]
     pub fn send(&mut self, frame: &[u8]) {
         let room = self.outgoing.capacity() - self.outgoing.len();
         if room < frame.len() {

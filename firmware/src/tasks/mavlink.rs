@@ -60,6 +60,7 @@ pub async fn run(mut reader: Reader, mut writer: Writer) {
 }
 
 /// HEARTBEAT, SYSTEM_TIME, GPS_RAW_INT, and what the clock did.
+#[inline(never)]
 fn once_a_second(node: &mut Node, writer: &mut Writer) {
     let now = time::now();
     let node_time = shared::node_time(now);

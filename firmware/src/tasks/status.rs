@@ -56,10 +56,16 @@ fn log() {
 macro_rules! nonzero {
     ($f:ident, $counters:expr, $prefix:literal: $($field:ident),+) => {
         let counters = $counters;
-        $(if counters.$field != 0 {
-            defmt::write!($f, " {=str}{=str}={=u32}", $prefix, stringify!($field), counters.$field);
-        })+
+        $(count($f, $prefix, stringify!($field), counters.$field);)+
     };
+}
+
+/// Writes ` name=count` if it has counted something. Not inlined: there are dozens.
+#[inline(never)]
+fn count(f: Formatter, prefix: &str, name: &str, count: u32) {
+    if count != 0 {
+        defmt::write!(f, " {=str}{=str}={=u32}", prefix, name, count);
+    }
 }
 
 /// What became of the marks.

@@ -38,6 +38,15 @@ pub enum Version {
     V2,
 }
 
+impl Version {
+    const fn header_len(self) -> usize {
+        match self {
+            Self::V1 => HEADER_V1,
+            Self::V2 => HEADER_V2,
+        }
+    }
+}
+
 impl From<Version> for MavlinkVersion {
     fn from(version: Version) -> Self {
         match version {
@@ -120,41 +129,57 @@ impl Sender {
         crc_extra: u8,
         fill: impl FnOnce(&mut [u8; MAX_PAYLOAD]) -> usize,
     ) -> Frame {
+        let mut frame = Frame {
+            bytes: [0; Frame::CAPACITY],
+            len: 0,
+        };
+        let header_len = version.header_len();
+        if let Some(payload) = frame.bytes.get_mut(header_len..)
+            && let Some(payload) = payload.first_chunk_mut()
+        {
+            let payload_len = fill(payload).min(MAX_PAYLOAD);
+            self.seal(&mut frame, version, id, crc_extra, payload_len);
+        }
+        frame
+    }
+
+    /// Puts the header before the payload of `frame` and the checksum behind it. Not
+    /// inlined: every kind of message would bring its own.
+    #[inline(never)]
+    fn seal(
+        &mut self,
+        frame: &mut Frame,
+        version: Version,
+        id: u8,
+        crc_extra: u8,
+        payload_len: usize,
+    ) {
         let Address { system, component } = self.address;
         let sequence = self.sequence;
         self.sequence = sequence.wrapping_add(1);
 
-        let mut bytes = [0; Frame::CAPACITY];
-        let header_len = match version {
-            Version::V1 => HEADER_V1,
-            Version::V2 => HEADER_V2,
-        };
-        let Some((header, rest)) = bytes.split_at_mut_checked(header_len) else {
-            return Frame { bytes, len: 0 };
-        };
-        let Some(payload) = rest.first_chunk_mut() else {
-            return Frame { bytes, len: 0 };
-        };
-        let payload_len = fill(payload).min(MAX_PAYLOAD);
         let length = payload_len as u8;
         match version {
             Version::V1 => {
-                header.copy_from_slice(&[MAGIC_V1, length, sequence, system, component, id]);
+                if let Some(header) = frame.bytes.first_chunk_mut::<HEADER_V1>() {
+                    *header = [MAGIC_V1, length, sequence, system, component, id];
+                }
             }
-            Version::V2 => header.copy_from_slice(&[
-                MAGIC_V2, length, 0, 0, sequence, system, component, id, 0, 0,
-            ]),
+            Version::V2 => {
+                if let Some(header) = frame.bytes.first_chunk_mut::<HEADER_V2>() {
+                    *header = [
+                        MAGIC_V2, length, 0, 0, sequence, system, component, id, 0, 0,
+                    ];
+                }
+            }
         }
 
-        let end = header_len + payload_len;
-        let covered = bytes.get(1..end).unwrap_or_default();
+        let end = version.header_len() + payload_len;
+        let covered = frame.bytes.get(1..end).unwrap_or_default();
         let sum = crc::step(crc::over(crc::INIT, covered), crc_extra);
-        if let Some(place) = bytes.get_mut(end..end + CRC_LEN) {
+        if let Some(place) = frame.bytes.get_mut(end..end + CRC_LEN) {
             place.copy_from_slice(&sum.to_le_bytes());
         }
-        Frame {
-            bytes,
-            len: (end + CRC_LEN) as u8,
-        }
+        frame.len = (end + CRC_LEN) as u8;
     }
 }

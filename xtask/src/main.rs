@@ -8,6 +8,7 @@
 mod bench;
 mod board_test;
 mod ci;
+mod compare;
 mod deps;
 mod flash;
 mod image;
@@ -47,6 +48,8 @@ enum Verb {
     Ping(ping::Options),
     /// Put a recording of a receiver through the parser and the clock
     Replay(replay::Options),
+    /// Our clock and other people's in the simulated world, beside the bounds
+    Compare(compare::Options),
     /// What each job costs, in instructions, beside its budget
     Bench(bench::Options),
     /// What the image takes of flash and RAM
@@ -86,6 +89,7 @@ fn run() -> Result<ExitCode> {
         Verb::QemuTicks => done(qemu_ticks::check()),
         Verb::Ping(options) => ping::run(&options),
         Verb::Replay(options) => replay::run(&options),
+        Verb::Compare(options) => compare::run(&options),
         Verb::Bench(options) => bench::run(&options),
         Verb::Size { json } => done(size::check(json)),
         Verb::Deps => done(deps::check()),

@@ -1,0 +1,148 @@
+//! The figures of a case: its trials, pooled.
+//!
+//! *Purpose.* What the table shows and the bounds judge.
+//!
+//! *Design.* All differences of all trials are one lot; only the worst mean and the
+//! convergence are a trial's own.
+//!
+//! *Limits.* Quantiles of what convergence took are as fine as there are trials.
+
+use world::others;
+
+use crate::case::Case;
+use crate::spread::{Spread, mean, quantile};
+use crate::trial::{Own, Trial};
+
+/// A contestant in a case, in ns.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// What it is called.
+    pub name: &'static str,
+    /// The difference between the two boards in the window.
+    pub spread: Spread,
+    /// The largest mean of a trial.
+    pub worst_mean: f64,
+    /// When each trial had converged, in ns after the start, sorted.
+    pub converged_at: Vec<u64>,
+}
+
+/// A case's figures.
+#[derive(Clone, Debug)]
+pub struct Figures {
+    /// The case.
+    pub case: &'static Case,
+    /// How many trials were pooled.
+    pub trials: usize,
+    /// Ours first, then the others.
+    pub rows: Vec<Row>,
+    /// The difference between the two floors in the window, in ns.
+    pub floors: Spread,
+    /// Ours over that of the floors, both as means over all times.
+    pub ever_over_floors: f64,
+    /// Which share of the readings was within its uncertainty, and of those against
+    /// UTC within the sum of it and the doubt about an unknown latency.
+    pub coverage: f64,
+    /// See [`Figures::coverage`].
+    pub coverage_utc: f64,
+    /// The mean uncertainty over the mean error.
+    pub width: f64,
+    /// How far the rates of whole minutes were off, in ppb.
+    pub rates: Option<Spread>,
+    /// By how much the difference changed from a loss to the window, in ns.
+    pub grown: Option<Spread>,
+    /// Readings that broke the referee's rules, and what the first one did.
+    pub fouls: u32,
+    /// See [`Figures::fouls`].
+    pub first_foul: Option<String>,
+}
+
+impl Figures {
+    /// The figures of `trials`; none if nobody ever published in the window.
+    #[must_use]
+    pub fn of(case: &'static Case, trials: Vec<Trial>) -> Option<Self> {
+        let names = ["ours"]
+            .into_iter()
+            .chain(others::ALL.map(|(name, _)| name));
+        let contestants = trials.first()?.tracks.len();
+        let rows = names
+            .take(contestants)
+            .enumerate()
+            .map(|(index, name)| row(name, index, &trials))
+            .collect::<Option<Vec<_>>>()?;
+        let count = trials.len();
+        let mut floors = Vec::new();
+        let mut ever = (0, 0);
+        let mut grown = Vec::new();
+        let mut own = Own::default();
+        for trial in trials {
+            floors.extend(trial.floors);
+            ever.0 += trial.ever.0;
+            ever.1 += trial.ever.1;
+            grown.extend(trial.own.grown);
+            own.errors.extend(trial.own.errors);
+            own.rates.extend(trial.own.rates);
+            own.uncertainty_sum += trial.own.uncertainty_sum;
+            own.covered += trial.own.covered;
+            own.covered_utc += trial.own.covered_utc;
+            own.fouls += trial.own.fouls;
+            own.first_foul = own.first_foul.or(trial.own.first_foul);
+        }
+        let readings = own.errors.len() as f64;
+        Some(Self {
+            case,
+            trials: count,
+            rows,
+            floors: Spread::of(floors)?,
+            ever_over_floors: ever.0 as f64 / ever.1 as f64,
+            coverage: own.covered as f64 / readings,
+            coverage_utc: own.covered_utc as f64 / readings,
+            width: own.uncertainty_sum as f64 / readings / mean(&own.errors)?,
+            rates: Spread::of(own.rates),
+            grown: Spread::of(grown),
+            fouls: own.fouls,
+            first_foul: own.first_foul,
+        })
+    }
+
+    /// Ours.
+    #[must_use]
+    pub fn ours(&self) -> &Row {
+        &self.rows[0]
+    }
+
+    /// The least of a figure among the others; none where they do not take part.
+    #[must_use]
+    pub fn best_other(&self, figure: impl Fn(&Row) -> f64) -> Option<f64> {
+        self.rows[1..].iter().map(figure).reduce(f64::min)
+    }
+}
+
+impl Row {
+    /// The share of the trials that had converged at `s` seconds.
+    #[must_use]
+    pub fn converged_by(&self, s: u64) -> f64 {
+        let limit = s * crate::case::SECOND;
+        let by = self.converged_at.partition_point(|&at| at <= limit);
+        by as f64 / self.converged_at.len() as f64
+    }
+
+    /// When 95 % of the trials had converged, in ns after the start.
+    #[must_use]
+    pub fn converged_p95(&self) -> u64 {
+        quantile(&self.converged_at, 0.95).unwrap_or(u64::MAX)
+    }
+}
+
+fn row(name: &'static str, index: usize, trials: &[Trial]) -> Option<Row> {
+    let tracks = || trials.iter().map(|trial| &trial.tracks[index]);
+    let pooled = tracks().flat_map(|track| &track.differences).copied();
+    let means = tracks().filter_map(|track| mean(&track.differences));
+    let mut converged_at: Vec<_> = tracks().map(|track| track.converged_at).collect();
+    converged_at.sort_unstable();
+    Some(Row {
+        name,
+        spread: Spread::of(pooled.collect())?,
+        worst_mean: means.fold(0.0, f64::max),
+        converged_at,
+    })
+}

@@ -13,7 +13,7 @@ use crate::image;
 /// their outside crates too: no HAL, no embassy, no executor may get in.
 const ALLOWED: [(&str, &[&str]); 4] = [
     ("timebase", &[]),
-    ("utc-clock", &["timebase"]),
+    ("utc-clock", &["timebase", "libm"]),
     ("ubx-link", &["timebase", "ublox"]),
     ("mavlink-node", &["timebase", "mavlink"]),
 ];

@@ -13,9 +13,11 @@
 //! anything else about any moment: readings increase strictly with their stamps,
 //! whoever takes them, except over a step.
 //!
-//! An error is absorbed at 1 ns a second for each ns, at most [`MAX_SLEW`], until
+//! An error is absorbed at the rate that the [`Discipline`] asks for, at most [`MAX_SLEW`], until
 //! it is gone or the next mark knows better, and for no longer than marks may
-//! stay away: one mark alone, however late, moves the clock by 1 ms.
+//! stay away: one mark alone moves the clock by 1 ms. Lateness is one-sided, so a clock that was
+//! set by a late mark is behind: within [`SETTLING`] of being set, and when a pulse is followed for
+//! the first time, it steps *forward* instead, by what is more than [`LEAST_STEP_NS`].
 //!
 //! *Limits.* A call has to end within the lead of the time that it was told. What
 //! a mark's residual means is the [`Discipline`]'s business; the bound of the slew
@@ -24,13 +26,15 @@
 use core::cmp::Ordering;
 use core::sync::atomic::AtomicU32;
 
-use timebase::{CORE_HZ, Cycles, TimeMark};
+use timebase::{CORE_HZ, Cycles, PulseForecast, PulseMark, TimeMark};
 
 use crate::counters::bump;
-use crate::discipline::{Correction, Discipline, Observation};
+use crate::discipline::{Correction, Course, Discipline, Observation};
 use crate::gate::Gate;
-use crate::model::{self, Quality};
+use crate::holdover::Doubt;
+use crate::model;
 use crate::published::Word;
+use crate::pulse::PulseRefusal;
 use crate::{ClockModel, ClockState, Counters, Ppb, Published, Refusal, UtcNanos};
 
 /// From a call to the first moment at which its change of course holds: 1 ms,
@@ -51,11 +55,22 @@ pub const REBASE_AFTER: u64 = 10 * CORE_HZ as u64;
 /// came with names a moment for 25.5 s.
 pub const MAX_AGE: u64 = 10 * CORE_HZ as u64;
 
-/// Errors are absorbed with this time constant as far as the bound allows: 1 s.
-const ABSORB_IN: u64 = CORE_HZ as u64;
+/// For so long after it was set the clock may step forward: 30 s.
+pub const SETTLING: u64 = 30 * CORE_HZ as u64;
+
+/// An error that is slewed away in a quarter of a second is not worth a step: 100 µs.
+pub const LEAST_STEP_NS: i64 = 100_000;
+
+/// A pulse's word about itself ([`PulseForecast`]) holds for the pulse of the next second.
+const FORECAST_LASTS: u64 = CORE_HZ as u64;
+
+const CYCLES_PER_MS: u64 = CORE_HZ as u64 / 1_000;
 
 /// Cycles in which [`MAX_SLEW`] absorbs one ns.
 const CYCLES_PER_NS_AT_MAX_SLEW: u64 = CORE_HZ as u64 / MAX_SLEW.0 as u64;
+
+/// What [`MAX_SLEW`] absorbs until holdover begins, in ns.
+const MOST_ABSORBED_NS: u32 = MAX_SLEW.0.unsigned_abs() * (HOLDOVER_AFTER / CORE_HZ as u64) as u32;
 
 /// What the clock has to be told about its receiver and its crystal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,33 +114,72 @@ pub enum Outcome {
     Set,
     /// The clock slews.
     Slewed {
-        /// UTC less the clock as the mark had it, in ns.
-        error_ns: i32,
+        /// UTC less the clock as the marks have it, in ns.
+        error_ns: i64,
     },
     /// The clock steps, for others have to be told.
     Stepped {
         /// What was added to it, in ns.
         by_ns: i64,
     },
+    /// It agrees with the pulse, which steers.
+    Confirmed,
     /// Nothing.
     Refused(Refusal),
+}
+
+/// What a pulse did to the clock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PulseOutcome {
+    /// Nothing yet: others have to confirm it.
+    Candidate,
+    /// The clock slews.
+    Slewed {
+        /// UTC less the clock as the pulses have it, in ns.
+        error_ns: i64,
+    },
+    /// The clock steps forward: the first pulse that is followed.
+    Stepped {
+        /// What was added to it, in ns.
+        by_ns: i64,
+    },
+    /// Nothing.
+    Refused(PulseRefusal),
+}
+
+/// What the clock is steered by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Source {
+    /// Nothing: it is unset, or in holdover.
+    #[default]
+    Nothing,
+    /// The receiver's messages.
+    Message,
+    /// The receiver's pulse; the messages number it.
+    Pulse,
 }
 
 /// The clock that marks steer, and the one writer of `line`.
 #[derive(Debug)]
 pub struct UtcClock<'a, W = AtomicU32> {
     line: &'a Published<W>,
-    settings: Settings,
     gate: Gate,
     discipline: Discipline,
     model: ClockModel,
-    growth: u32,
     frequency: Ppb,
     slew: Ppb,
     /// When the error that is being absorbed will be gone.
     slew_ends: Cycles,
-    last_arrival: Cycles,
+    /// What is still to be absorbed when a slew begins, in ns: doubt, until it ends.
+    unabsorbed_ns: u32,
+    doubt: Doubt,
+    latency_doubt_ns: u32,
+    set_at: Cycles,
+    /// The last mark or pulse that was believed.
+    last_heard: Cycles,
+    last_pulse: Option<Cycles>,
     last_epoch: UtcNanos,
+    forecast: Option<PulseForecast>,
     counters: Counters,
 }
 
@@ -135,19 +189,27 @@ impl<'a, W: Word> UtcClock<'a, W> {
     #[must_use]
     pub fn new(settings: Settings, line: &'a Published<W>) -> Self {
         Self {
-            settings,
             gate: Gate {
                 require_confirmed: settings.require_confirmed,
             },
-            discipline: Discipline::new(settings.frequency),
+            discipline: Discipline::new(&settings),
             model: ClockModel::BOOT,
             line,
-            growth: model::growth(settings.frequency_doubt),
             frequency: Ppb(0),
             slew: Ppb(0),
             slew_ends: Cycles::BOOT,
-            last_arrival: Cycles::BOOT,
+            unabsorbed_ns: 0,
+            doubt: Doubt {
+                at: Cycles::BOOT,
+                phase_ns: f32::MAX,
+                frequency_ppb: 0.0,
+            },
+            latency_doubt_ns: 0,
+            set_at: Cycles::BOOT,
+            last_heard: Cycles::BOOT,
+            last_pulse: None,
             last_epoch: UtcNanos(i64::MIN),
+            forecast: None,
             counters: Counters::default(),
         }
     }
@@ -165,6 +227,21 @@ impl<'a, W: Word> UtcClock<'a, W> {
         outcome
     }
 
+    /// Hears a pulse, at most [`MAX_AGE`] after its edge.
+    #[inline(never)]
+    pub fn handle_pulse(&mut self, pulse: &PulseMark, now: Cycles) -> PulseOutcome {
+        let outcome = self.follow_pulse(pulse, now);
+        if let PulseOutcome::Refused(refusal) = outcome {
+            self.counters.count_pulse_refusal(refusal);
+        }
+        outcome
+    }
+
+    /// Hears what the receiver says about its next pulse.
+    pub const fn handle_forecast(&mut self, forecast: &PulseForecast) {
+        self.forecast = Some(*forecast);
+    }
+
     /// Does what is due: ends a slew, begins holdover, tells the line anew.
     /// Nothing before [`Self::poll_timeout`].
     pub fn handle_timeout(&mut self, now: Cycles) {
@@ -173,11 +250,14 @@ impl<'a, W: Word> UtcClock<'a, W> {
         }
         let mut line = self.model;
         if self.slew_ends <= now.plus(LEAD) {
-            self.slew = Ppb(0);
+            self.end_slew();
         }
         if line.quality.state == ClockState::Set && self.holdover_begins() <= now {
             // The last mark's opinion is not worth more than this.
-            self.slew = Ppb(0);
+            self.end_slew();
+            if let Some(frequency) = self.discipline.steady_frequency() {
+                self.frequency = frequency;
+            }
             line.quality.state = ClockState::Holdover;
             bump(&mut self.counters.holdovers);
         }
@@ -203,17 +283,41 @@ impl<'a, W: Word> UtcClock<'a, W> {
         &self.model
     }
 
-    /// What became of the marks.
+    /// What became of the marks and pulses.
     #[must_use]
     pub const fn counters(&self) -> Counters {
         self.counters
     }
 
+    /// How much faster than the crystal the clock runs, slews apart.
+    #[must_use]
+    pub const fn frequency(&self) -> Ppb {
+        self.frequency
+    }
+
+    /// The receiver's latency that is corrected, in ns: set, or learnt under the pulse.
+    #[must_use]
+    pub const fn latency_ns(&self) -> i64 {
+        self.discipline.latency_ns()
+    }
+
+    /// What the clock is steered by.
+    #[must_use]
+    pub fn source(&self) -> Source {
+        let pulse_lasts = self
+            .last_pulse
+            .is_some_and(|at| at.plus(HOLDOVER_AFTER) > self.last_heard);
+        match self.model.quality.state {
+            ClockState::Unset | ClockState::Holdover => Source::Nothing,
+            ClockState::Set if pulse_lasts => Source::Pulse,
+            ClockState::Set => Source::Message,
+        }
+    }
+
     /// The epoch of a mark that is in itself and in its row worth hearing.
     fn admit(&mut self, mark: &TimeMark, now: Cycles) -> Result<UtcNanos, Refusal> {
         let epoch = self.gate.judge(mark)?;
-        let age = now.0.checked_sub(mark.arrival.0);
-        if age.is_none_or(|age| age > MAX_AGE) {
+        if !is_recent(mark.arrival, now) {
             return Err(Refusal::Stamp);
         }
         let before = core::mem::replace(&mut self.last_epoch, epoch);
@@ -225,75 +329,156 @@ impl<'a, W: Word> UtcClock<'a, W> {
     }
 
     fn follow(&mut self, mark: &TimeMark, epoch: UtcNanos, now: Cycles) -> Outcome {
-        let told = epoch.plus_nanos(i64::from(self.settings.latency_ns));
-        // The course that is to be corrected is the newest one, even if another
-        // one still held when the mark arrived.
-        let (base, fraction) = self.model.point(mark.arrival);
-        let mut line = ClockModel {
+        let mut line = self.line_from(mark.arrival);
+        line.quality.leap_seconds_known = mark.validity.leap_seconds_known;
+        let heard = Observation {
             at: mark.arrival,
-            base,
-            fraction,
-            ..self.model
+            published: line.base,
         };
-        let outcome;
-        let uncertainty_ns;
-        if line.quality.state == ClockState::Unset {
-            self.frequency = self.settings.frequency;
-            line.base = told;
-            line.fraction = 0;
-            line.mult = model::mult(self.frequency);
-            uncertainty_ns = mark.t_acc_ns;
-            outcome = Outcome::Set;
-            bump(&mut self.counters.sets);
-        } else {
-            match self.discipline.update(&Observation {
-                told,
-                published: line.base,
-                t_acc_ns: mark.t_acc_ns,
-            }) {
-                Correction::Slew {
-                    error_ns,
-                    frequency,
-                    uncertainty_ns: doubt_ns,
-                } => {
-                    self.frequency = frequency;
-                    self.absorb(error_ns, now);
-                    uncertainty_ns = doubt_ns;
-                    outcome = Outcome::Slewed { error_ns };
-                }
-                Correction::Step {
-                    by_ns,
-                    uncertainty_ns: doubt_ns,
-                } => {
-                    self.slew = Ppb(0);
-                    line.base = line.base.plus_nanos(by_ns);
-                    uncertainty_ns = doubt_ns;
-                    outcome = Outcome::Stepped { by_ns };
-                    bump(if by_ns > 0 {
-                        &mut self.counters.steps_forward
-                    } else {
-                        &mut self.counters.steps_back
-                    });
-                }
-                Correction::Ignore => return Outcome::Refused(Refusal::Outlier),
+        let outcome = match self.discipline.hear_mark(&heard, epoch, mark.t_acc_ns) {
+            Correction::First(course) => {
+                line.fraction = 0;
+                self.set_at = now;
+                self.step(&mut line, &course);
+                bump(&mut self.counters.sets);
+                Outcome::Set
             }
-        }
-        line.quality = Quality {
-            state: ClockState::Set,
-            leap_seconds_known: mark.validity.leap_seconds_known,
-            uncertainty_ns: uncertainty_ns.saturating_add(self.settings.latency_doubt_ns),
-            growth: self.growth,
+            Correction::Follow(course) if self.may_step(&course, now) => {
+                self.step(&mut line, &course)
+            }
+            Correction::Step(course) => self.step(&mut line, &course),
+            Correction::Follow(course) => {
+                self.absorb(&course, now);
+                Outcome::Slewed {
+                    error_ns: course.error_ns,
+                }
+            }
+            Correction::Nothing => {
+                self.last_heard = mark.arrival;
+                return Outcome::Confirmed;
+            }
+            Correction::Refuse(refusal) => return Outcome::Refused(refusal),
+            Correction::RefusePulse(_) => return Outcome::Refused(Refusal::Stamp),
         };
-        self.last_arrival = mark.arrival;
+        line.quality.state = ClockState::Set;
+        self.last_heard = mark.arrival;
         self.steer(&line, now);
         outcome
     }
 
+    fn follow_pulse(&mut self, pulse: &PulseMark, now: Cycles) -> PulseOutcome {
+        if self.model.quality.state == ClockState::Unset {
+            return PulseOutcome::Refused(PulseRefusal::Unnumbered);
+        }
+        if !is_recent(pulse.edge, now) {
+            return PulseOutcome::Refused(PulseRefusal::Stamp);
+        }
+        let late_ns = self.forecast_for(pulse);
+        let mut line = self.line_from(pulse.edge);
+        let heard = Observation {
+            at: pulse.edge,
+            published: line.base,
+        };
+        let outcome = match self.discipline.hear_pulse(&heard, late_ns) {
+            Correction::First(course) if course.error_ns > LEAST_STEP_NS => {
+                self.step(&mut line, &course);
+                PulseOutcome::Stepped {
+                    by_ns: course.error_ns,
+                }
+            }
+            Correction::First(course) | Correction::Follow(course) | Correction::Step(course) => {
+                self.absorb(&course, now);
+                PulseOutcome::Slewed {
+                    error_ns: course.error_ns,
+                }
+            }
+            Correction::RefusePulse(refusal) => return PulseOutcome::Refused(refusal),
+            Correction::Nothing | Correction::Refuse(_) => return PulseOutcome::Candidate,
+        };
+        if self.source() != Source::Pulse {
+            bump(&mut self.counters.pulse_locks);
+        }
+        bump(&mut self.counters.pulses);
+        line.quality.state = ClockState::Set;
+        self.last_heard = pulse.edge;
+        self.last_pulse = Some(pulse.edge);
+        self.steer(&line, now);
+        outcome
+    }
+
+    /// By how much the receiver says that this pulse is late, in ns.
+    fn forecast_for(&mut self, pulse: &PulseMark) -> i32 {
+        let Some(forecast) = self.forecast.take() else {
+            return 0;
+        };
+        let after = pulse.edge.since(forecast.arrival);
+        if (0..=FORECAST_LASTS.cast_signed()).contains(&after) {
+            // Rounded to the nearest: by a reciprocal of 2⁻³² steps, exact for what fits a µs.
+            let late_ps = i64::from(forecast.late_ps.clamp(-1_000_000, 1_000_000));
+            ((late_ps * ((1 << 32) / 1_000) + (1 << 31)) >> 32) as i32
+        } else {
+            0
+        }
+    }
+
+    /// The course that is to be corrected, told from a moment: the newest one, even if
+    /// another one still held then.
+    fn line_from(&self, at: Cycles) -> ClockModel {
+        let (base, fraction) = self.model.point(at);
+        ClockModel {
+            at,
+            base,
+            fraction,
+            ..self.model
+        }
+    }
+
+    fn may_step(&self, course: &Course, now: Cycles) -> bool {
+        course.error_ns > LEAST_STEP_NS && now < self.set_at.plus(SETTLING)
+    }
+
+    fn step(&mut self, line: &mut ClockModel, course: &Course) -> Outcome {
+        self.take(course);
+        self.slew = Ppb(0);
+        self.unabsorbed_ns = 0;
+        line.base = line.base.plus_nanos(course.error_ns);
+        if line.quality.state != ClockState::Unset {
+            bump(if course.error_ns > 0 {
+                &mut self.counters.steps_forward
+            } else {
+                &mut self.counters.steps_back
+            });
+        }
+        Outcome::Stepped {
+            by_ns: course.error_ns,
+        }
+    }
+
     /// Sets the slew that absorbs an error.
-    fn absorb(&mut self, error_ns: i32, now: Cycles) {
-        self.slew = Ppb(error_ns.clamp(-MAX_SLEW.0, MAX_SLEW.0));
+    fn absorb(&mut self, course: &Course, now: Cycles) {
+        self.take(course);
+        let error_ns = course.error_ns.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
+        let most = error_ns.unsigned_abs().min(2_000_000);
+        // ns in so many ms are so many ppb: ns · 1000 / ms.
+        let rate = most * 1_000 / course.absorb_ms.max(1);
+        let slew = rate.min(MAX_SLEW.0.unsigned_abs()).cast_signed();
+        self.slew = Ppb(if error_ns < 0 { -slew } else { slew });
+        self.unabsorbed_ns = error_ns.unsigned_abs();
+        let least = u64::from(course.absorb_ms) * CYCLES_PER_MS;
         let needed = u64::from(error_ns.unsigned_abs()) * CYCLES_PER_NS_AT_MAX_SLEW;
-        self.slew_ends = now.plus(LEAD).plus(needed.clamp(ABSORB_IN, HOLDOVER_AFTER));
+        self.slew_ends = now.plus(LEAD).plus(needed.clamp(least, HOLDOVER_AFTER));
+    }
+
+    /// The slew is over; what it could not absorb is left, and doubted.
+    fn end_slew(&mut self) {
+        self.slew = Ppb(0);
+        self.unabsorbed_ns = self.unabsorbed_ns.saturating_sub(MOST_ABSORBED_NS);
+    }
+
+    fn take(&mut self, course: &Course) {
+        self.frequency = course.frequency;
+        self.doubt = course.doubt;
+        self.latency_doubt_ns = course.latency_doubt_ns;
     }
 
     /// From [`LEAD`] after `now` on, follows `line` with the rate of the hour.
@@ -301,14 +486,42 @@ impl<'a, W: Word> UtcClock<'a, W> {
         // Never before the model that may have been read already.
         let at = now.plus(LEAD).max(self.model.at);
         let rate = Ppb(self.frequency.0.saturating_add(self.slew.0));
-        self.model = ClockModel {
+        let mut model = ClockModel {
             mult: model::mult(rate),
             ..line.rebased(at)
         };
+        if model.quality.state != ClockState::Unset {
+            self.appraise(&mut model);
+        }
+        self.model = model;
         self.line.publish(&self.model);
     }
 
-    const fn holdover_begins(&self) -> Cycles {
-        self.last_arrival.plus(HOLDOVER_AFTER)
+    /// Writes the doubt into a model: what it is where that begins, and a straight line that is
+    /// above it until the model is replaced.
+    fn appraise(&self, model: &mut ClockModel) {
+        let lasts = if model.quality.state == ClockState::Set {
+            HOLDOVER_AFTER
+        } else {
+            REBASE_AFTER
+        };
+        let begins_ns = self.doubt.at(model.at);
+        let ends_ns = self.doubt.at(model.at.plus(lasts));
+        let lasts_s = (lasts / u64::from(CORE_HZ)) as f32;
+        model.quality.uncertainty_ns = (begins_ns as u32)
+            .saturating_add(1)
+            .saturating_add(self.unabsorbed_ns)
+            .saturating_add(self.latency_doubt_ns);
+        let growth_ppb = libm::ceilf((ends_ns - begins_ns) / lasts_s) as i32;
+        model.quality.growth = model::growth(Ppb(growth_ppb));
     }
+
+    const fn holdover_begins(&self) -> Cycles {
+        self.last_heard.plus(HOLDOVER_AFTER)
+    }
+}
+
+/// Whether something that happened at `at` can be heard of `now`.
+fn is_recent(at: Cycles, now: Cycles) -> bool {
+    now.0.checked_sub(at.0).is_some_and(|age| age <= MAX_AGE)
 }

@@ -1,6 +1,6 @@
-//! What became of the marks, counted by kind.
+//! What became of the marks and pulses, counted by kind.
 //!
-//! *Purpose.* [`Refusal`] names why a mark did not move the clock; [`Counters`]
+//! *Purpose.* [`Refusal`] names why a mark did not move the clock ([`PulseRefusal`] why a pulse did not); [`Counters`]
 //! says how often, for the status line and the log.
 //!
 //! *Design.* One field a kind, `u32`, wrapping: a reader compares two readings.
@@ -8,6 +8,7 @@
 //! *Limits.* A mark that several rules would refuse counts for the first one.
 
 use crate::CalendarError;
+use crate::pulse::PulseRefusal;
 
 /// Why a mark was not followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,6 +37,14 @@ pub enum Refusal {
     EpochBack,
     /// Too far from the clock, and not (yet) agreed on by its successors.
     Outlier,
+    /// Later than any jitter, but not as far off as an outlier.
+    Late,
+    /// Earlier than any floor wanders, and not (yet) confirmed by its successors.
+    Early,
+    /// The receiver's time drifts away as no crystal does.
+    Drift,
+    /// The crystal, or the receiver, is more than 2 000 ppm off.
+    Crystal,
 }
 
 /// Events of the clock since boot; each field wraps.
@@ -75,6 +84,28 @@ pub struct Counters {
     pub epoch_back: u32,
     /// [`Refusal::Outlier`].
     pub outlier: u32,
+    /// [`Refusal::Late`].
+    pub late: u32,
+    /// [`Refusal::Early`].
+    pub early: u32,
+    /// [`Refusal::Drift`].
+    pub drift: u32,
+    /// [`Refusal::Crystal`].
+    pub crystal: u32,
+    /// Pulses that were followed.
+    pub pulses: u32,
+    /// Times that the pulse began to be followed.
+    pub pulse_locks: u32,
+    /// [`PulseRefusal::Unnumbered`].
+    pub pulse_unnumbered: u32,
+    /// [`PulseRefusal::OffSecond`].
+    pub pulse_off_second: u32,
+    /// [`PulseRefusal::OffLine`].
+    pub pulse_off_line: u32,
+    /// [`PulseRefusal::Doubled`].
+    pub pulse_doubled: u32,
+    /// [`PulseRefusal::Stamp`].
+    pub pulse_stamp: u32,
 }
 
 impl Counters {
@@ -94,6 +125,10 @@ impl Counters {
             self.duplicate_epoch,
             self.epoch_back,
             self.outlier,
+            self.late,
+            self.early,
+            self.drift,
+            self.crystal,
         ]
         .into_iter()
         .fold(0, u32::wrapping_add)
@@ -113,8 +148,22 @@ impl Counters {
             Refusal::DuplicateEpoch => &mut self.duplicate_epoch,
             Refusal::EpochBack => &mut self.epoch_back,
             Refusal::Outlier => &mut self.outlier,
+            Refusal::Late => &mut self.late,
+            Refusal::Early => &mut self.early,
+            Refusal::Drift => &mut self.drift,
+            Refusal::Crystal => &mut self.crystal,
         };
         bump(field);
+    }
+
+    pub(crate) const fn count_pulse_refusal(&mut self, refusal: PulseRefusal) {
+        bump(match refusal {
+            PulseRefusal::Unnumbered => &mut self.pulse_unnumbered,
+            PulseRefusal::OffSecond => &mut self.pulse_off_second,
+            PulseRefusal::OffLine => &mut self.pulse_off_line,
+            PulseRefusal::Doubled => &mut self.pulse_doubled,
+            PulseRefusal::Stamp => &mut self.pulse_stamp,
+        });
     }
 }
 

@@ -28,18 +28,25 @@
 #[cfg(test)]
 extern crate std;
 
+mod anchor;
 pub mod calendar;
 pub mod clock;
 pub mod counters;
 pub mod discipline;
+pub mod envelope;
 pub mod gate;
+pub mod holdover;
+mod kalman;
 pub mod model;
 pub mod published;
+pub mod pulse;
+mod ring;
 pub mod utc;
 
 pub use calendar::CalendarError;
-pub use clock::{Outcome, Settings, UtcClock};
+pub use clock::{Outcome, PulseOutcome, Settings, Source, UtcClock};
 pub use counters::{Counters, Refusal};
 pub use model::{ClockModel, ClockState, Reading};
 pub use published::Published;
+pub use pulse::PulseRefusal;
 pub use utc::{Ppb, UtcNanos};

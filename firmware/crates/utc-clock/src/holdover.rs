@@ -1,0 +1,61 @@
+//! Doubt: how far the clock may be off, and how that grows while nothing is heard.
+//!
+//! *Purpose.* The one model of the crystal that the published uncertainty rests on.
+//!
+//! *Design.* What is known at a moment is known to so many ns, the frequency to so many
+//! ppb; from then on the crystal may drift by 1 ppm a minute, as its temperature does. So the
+//! doubt grows by `frequency · t + ½ · drift · t²`. Drift does not lead a crystal out of its
+//! specification: the linear part of it stops at [`SPECIFICATION_PPB`].
+//!
+//! *Limits.* A crystal that is heated faster is not covered.
+
+use timebase::{CORE_HZ, Cycles};
+
+use crate::envelope::DRIFT_PPB_PER_S;
+
+/// ±50 ppm over its range of temperature: three such boards were measured at +37, +37 and
+/// +44 ppm.
+const SPECIFICATION_PPB: f32 = 50_000.0;
+
+/// What is known, and when.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Doubt {
+    /// The moment.
+    pub at: Cycles,
+    /// How far the clock may be off then, in ns.
+    pub phase_ns: f32,
+    /// How far its frequency may be off, in ppb.
+    pub frequency_ppb: f32,
+}
+
+impl Doubt {
+    /// How far the clock may be off at `when`, in ns.
+    #[must_use]
+    pub fn at(&self, when: Cycles) -> f32 {
+        let s = when.since(self.at) as f32 * (1.0 / CORE_HZ as f32);
+        let s = if s < 0.0 { -s } else { s };
+        let drifted_ppb = (0.5 * DRIFT_PPB_PER_S * s).min(SPECIFICATION_PPB);
+        self.phase_ns + (self.frequency_ppb + drifted_ppb) * s
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_is_a_parabola_and_then_a_line() {
+        let doubt = Doubt {
+            at: Cycles(CORE_HZ as u64),
+            phase_ns: 100.0,
+            frequency_ppb: 10.0,
+        };
+        let after = |s: u64| doubt.at(doubt.at.plus(s * u64::from(CORE_HZ)));
+        assert_eq!(after(0), 100.0);
+        // 60 s: 10 ppb of them, and half of 1 ppm of them.
+        assert!((after(60) - (100.0 + 600.0 + 30_000.0)).abs() < 1.0);
+        // A day: 50 ppm of it.
+        let day = after(86_400) / 86_400.0;
+        assert!((day - 50_010.0).abs() < 1.0, "{day}");
+    }
+}

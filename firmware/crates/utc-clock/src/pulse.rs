@@ -1,0 +1,306 @@
+//! The pulse's estimator: which second it marks, and how the crystal stands to it.
+//!
+//! *Purpose.* The time pulse has no name, only an edge, good to tens of ns. The clock
+//! names it; this judges whether it is the pulse that it ought to be, and follows
+//! it.
+//!
+//! *Design.* As in the [`envelope`](crate::envelope), on the board's own counter: a
+//! pulse is that counter's time less the second it marks, its *lateness*, and a
+//! crystal makes a line of those. Two [Kalman filters](crate::kalman) follow the line side by
+//! side: one believes in drift, as a changing temperature makes it, one does
+//! not and is quieter. The quiet one is asked unless the mean of its innovations says that
+//! it lags.
+//!
+//! A pulse is a candidate when it comes at a plausible time after the messages: a
+//! latency that is none, or longer than any receiver's, is a pulse of something
+//! else. [`CONFIRMING`] of them in a row, each within the gate of what those before
+//! predict, are a pulse to follow; from then on anything outside of the gate is refused. When
+//! nothing has passed for [`LOST_AFTER_S`], the search begins anew.
+//!
+//! *Limits.* One pulse a second, on the second. A pulse that is off by less than the
+//! plausible latencies differ, before any latency was learnt, is taken for good: nothing on the
+//! board could tell.
+
+use crate::envelope::DRIFT_PPB_PER_S;
+use crate::kalman::{Kalman, Noise};
+
+/// So many pulses in a row have to fit each other before they are followed.
+pub const CONFIRMING: u8 = 5;
+
+/// Without a pulse that fits for so long, in s, the pulse is lost.
+pub const LOST_AFTER_S: f32 = 10.0;
+
+/// A pulse is refused when it is farther from its prediction than so many standard deviations,
+const GATE_SIGMAS: f32 = 6.0;
+/// and than so many ns: a few of the M8's 60 ns (99 %, u-blox M8 data sheets, time pulse accuracy).
+const GATE_NS: f32 = 250.0;
+
+/// 30 ns RMS for an M8's pulse (u-blox M8 data sheets), and the capture's own step of 11.9 ns.
+const MEASUREMENT: f32 = 30.0 * 30.0 + 11.9 * 11.9 / 12.0;
+
+/// A crystal at constant temperature.
+const QUIET: Noise = Noise {
+    phase_walk: 25.0,
+    frequency_walk: 0.5,
+    drift_variance: 0.0,
+    drift_time_s: 300.0,
+    measurement: MEASUREMENT,
+};
+
+/// A crystal whose temperature moves: 1 ppm a minute is 16.7 ppb a second.
+const RAMPING: Noise = Noise {
+    drift_variance: 8.0 * 8.0,
+    ..QUIET
+};
+
+/// The quiet filter's innovations are averaged over so many pulses.
+const BIAS_OVER: f32 = 8.0;
+/// It lags when their mean is above so many standard deviations of one; white ones have 0.26.
+const BIASED: f32 = 0.7;
+/// It does not lag any more when their mean is below.
+const UNBIASED: f32 = 0.4;
+
+/// For so many pulses the quiet filter is not asked after it has lagged: while a ramp turns
+/// round, the mean passes through 0.
+const LAGS_FOR: u8 = 20;
+
+/// The doubt, in standard deviations.
+const DOUBT_SIGMAS: f32 = 2.4;
+
+/// Why a pulse was not followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PulseRefusal {
+    /// The clock is not set, so that nobody knows which second it marks.
+    Unnumbered,
+    /// It does not come on a second, as far as the messages can tell.
+    OffSecond,
+    /// It is not where the pulses before it predict it.
+    OffLine,
+    /// Its second has had its pulse.
+    Doubled,
+    /// The edge is in the future or too long ago to be believed.
+    Stamp,
+}
+
+/// What a pulse says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PulseLine {
+    /// UTC at the edge by the line, in ns: the second, but for the pulse's own noise.
+    pub utc_ns: i64,
+    /// By how much the crystal is fast, in ppb.
+    pub fast_ppb: f32,
+    /// How far the line may be from the truth, in ns.
+    pub doubt_ns: f32,
+    /// How far the frequency may be off, in ppb.
+    pub frequency_doubt_ppb: f32,
+}
+
+/// What became of a pulse.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PulseHeard {
+    /// It fits; others have to, too, before they are followed.
+    Candidate,
+    /// It is followed.
+    Followed(PulseLine),
+    /// It is not.
+    Refused(PulseRefusal),
+}
+
+/// The pulses' line.
+#[derive(Clone, Debug)]
+pub struct Pulse {
+    state: State,
+}
+
+#[derive(Clone, Debug)]
+enum State {
+    Searching,
+    Line(Line),
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Line {
+    quiet: Kalman,
+    ramping: Kalman,
+    /// The quiet filter has lagged so many pulses ago that it is not asked for so many more.
+    lags_for: u8,
+    bias: f32,
+    /// The pulse that fitted last: its edge by the board's counter and its second, in ns;
+    /// the filters' phases are relative to its lateness.
+    edge_ns: u64,
+    second_ns: i64,
+    fitted: u8,
+}
+
+/// A pulse, numbered by somebody.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Edge {
+    /// The edge by the board's counter, in ns since boot.
+    pub at_ns: u64,
+    /// UTC by the messages, in ns.
+    pub told_ns: i64,
+    /// By how much UTC may be later than the messages say, in ns, at least and at most: the latencies
+    /// that are plausible, beyond the one that is corrected.
+    pub plausible_ns: (i64, i64),
+}
+
+const SECOND_NS: i64 = 1_000_000_000;
+
+impl Pulse {
+    /// A pulse that nobody has heard yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            state: State::Searching,
+        }
+    }
+
+    /// Whether pulses are being followed.
+    #[must_use]
+    pub const fn is_followed(&self) -> bool {
+        matches!(&self.state, State::Line(line) if line.fitted >= CONFIRMING)
+    }
+
+    /// UTC by the line at a time of the board's counter, with how far it may be off; both in ns.
+    /// `None` while nothing is followed.
+    #[must_use]
+    pub fn utc_at(&self, at_ns: u64) -> Option<(i64, f32)> {
+        let State::Line(line) = &self.state else {
+            return None;
+        };
+        if line.fitted < CONFIRMING {
+            return None;
+        }
+        let filter = line.filter();
+        let since_ns = at_ns.wrapping_sub(line.edge_ns).cast_signed();
+        let since_s = since_ns as f32 * 1e-9;
+        let ahead_ns = filter.phase_ns + filter.frequency_ppb * since_s;
+        let utc_ns = line
+            .second_ns
+            .saturating_add(since_ns)
+            .saturating_sub(ahead_ns as i64);
+        let doubt_ns = DOUBT_SIGMAS
+            * (filter.phase_deviation_ns() + filter.frequency_deviation_ppb() * since_s.abs())
+            + 0.5 * DRIFT_PPB_PER_S * since_s * since_s;
+        Some((utc_ns, doubt_ns))
+    }
+
+    /// Gives the seconds other numbers, `by_ns` more: the clock has stepped.
+    pub fn renumber(&mut self, by_ns: i64) {
+        if let State::Line(line) = &mut self.state {
+            line.second_ns = line.second_ns.saturating_add(by_ns);
+        }
+    }
+
+    /// Forgets the pulse: the messages contradict it.
+    pub const fn forget(&mut self) {
+        self.state = State::Searching;
+    }
+
+    /// Hears a pulse; the crystal's frequency is known from elsewhere, to `doubt_ppb`.
+    pub fn update(&mut self, edge: &Edge, fast_ppb: f32, doubt_ppb: f32) -> PulseHeard {
+        if let State::Line(line) = &mut self.state {
+            if elapsed_s(edge.at_ns, line.edge_ns) <= LOST_AFTER_S {
+                let heard = line.update(edge);
+                if !matches!(heard, PulseHeard::Refused(_)) || line.fitted >= CONFIRMING {
+                    return heard;
+                }
+            }
+            self.state = State::Searching;
+        }
+        // The second that it marks, if it comes with a plausible latency.
+        let (least_ns, greatest_ns) = edge.plausible_ns;
+        let middle_ns = least_ns.midpoint(greatest_ns);
+        let second_ns = nearest_second(edge.told_ns.saturating_add(middle_ns));
+        let latency_ns = second_ns.saturating_sub(edge.told_ns);
+        if !(least_ns..=greatest_ns).contains(&latency_ns) {
+            return PulseHeard::Refused(PulseRefusal::OffSecond);
+        }
+        self.state = State::Line(Line {
+            quiet: Kalman::new(QUIET, fast_ppb, doubt_ppb),
+            ramping: Kalman::new(RAMPING, fast_ppb, doubt_ppb),
+            lags_for: 0,
+            bias: 0.0,
+            edge_ns: edge.at_ns,
+            second_ns,
+            fitted: 1,
+        });
+        PulseHeard::Candidate
+    }
+}
+
+impl Default for Pulse {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Line {
+    const fn filter(&self) -> &Kalman {
+        if self.lags_for > 0 {
+            &self.ramping
+        } else {
+            &self.quiet
+        }
+    }
+
+    fn update(&mut self, edge: &Edge) -> PulseHeard {
+        let since_ns = edge.at_ns.wrapping_sub(self.edge_ns).cast_signed();
+        // Numbered by the crystal, which is right to a ms over the few seconds.
+        let second_ns = self.second_ns.wrapping_add(nearest_second(since_ns));
+        if since_ns < 0 || second_ns == self.second_ns {
+            return PulseHeard::Refused(PulseRefusal::Doubled);
+        }
+        let dt_s = since_ns as f32 * 1e-9;
+        let moved_ns = since_ns.wrapping_sub(second_ns.wrapping_sub(self.second_ns)) as f32;
+        let (mut quiet, mut ramping) = (self.quiet, self.ramping);
+        quiet.predict(dt_s);
+        ramping.predict(dt_s);
+        let innovation_ns = moved_ns - ramping.phase_ns;
+        let gate_ns = GATE_NS + GATE_SIGMAS * libm::sqrtf(ramping.innovation_variance());
+        if innovation_ns.abs() > gate_ns {
+            return PulseHeard::Refused(PulseRefusal::OffLine);
+        }
+        ramping.update(innovation_ns);
+        let quiet_ns = moved_ns - quiet.phase_ns;
+        let surprise = quiet_ns / libm::sqrtf(quiet.innovation_variance());
+        self.bias += (surprise.clamp(-5.0, 5.0) - self.bias) / BIAS_OVER;
+        if self.bias.abs() > BIASED {
+            self.lags_for = LAGS_FOR;
+        } else if self.bias.abs() < UNBIASED {
+            self.lags_for = self.lags_for.saturating_sub(1);
+        }
+        quiet.update(quiet_ns);
+        quiet.rebase(moved_ns);
+        ramping.rebase(moved_ns);
+        *self = Self {
+            quiet,
+            ramping,
+            edge_ns: edge.at_ns,
+            second_ns,
+            fitted: self.fitted.saturating_add(1),
+            ..*self
+        };
+        if self.fitted < CONFIRMING {
+            return PulseHeard::Candidate;
+        }
+        let filter = self.filter();
+        PulseHeard::Followed(PulseLine {
+            utc_ns: second_ns.saturating_sub(libm::rintf(filter.phase_ns) as i64),
+            fast_ppb: filter.frequency_ppb,
+            doubt_ns: DOUBT_SIGMAS * filter.phase_deviation_ns(),
+            frequency_doubt_ppb: DOUBT_SIGMAS * filter.frequency_deviation_ppb(),
+        })
+    }
+}
+
+/// From `earlier_ns` to `later_ns`, ns since boot, in s.
+fn elapsed_s(later_ns: u64, earlier_ns: u64) -> f32 {
+    later_ns.saturating_sub(earlier_ns) as f32 * 1e-9
+}
+
+/// The whole second nearest to `ns`, in ns.
+pub(crate) const fn nearest_second(ns: i64) -> i64 {
+    let up = ns.saturating_add(SECOND_NS / 2);
+    up.saturating_sub(up.rem_euclid(SECOND_NS))
+}

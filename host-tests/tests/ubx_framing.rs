@@ -30,6 +30,7 @@ fn fragment() -> impl Strategy<Value = Vec<u8>> {
         (0..1_000_i64).prop_map(nav_pvt),
         vec(any::<u8>(), 92).prop_map(|payload| ubx::frame(0x01, 0x07, &payload)),
         (any::<u8>(), 0..2_u8).prop_map(|(id, yes)| ubx::frame(0x05, yes, &[6, id])),
+        vec(any::<u8>(), 16).prop_map(|payload| ubx::frame(0x0d, 0x01, &payload)),
         vec(any::<u8>(), 0..120).prop_map(|payload| ubx::frame(0x0d, 0x01, &payload)),
     ];
     // Good frames inside the payload of a frame whose checksum fails or holds.
@@ -59,6 +60,9 @@ fn fragment() -> impl Strategy<Value = Vec<u8>> {
             [0xb5, 0x62, 0x01, 0x07, 0x5c, 0x00][..length].repeat(times)
         }),
         2 => (1..=6_usize, 1..20_usize).prop_map(|(length, times)| {
+            [0xb5, 0x62, 0x0d, 0x01, 0x10, 0x00][..length].repeat(times)
+        }),
+        2 => (1..=6_usize, 1..20_usize).prop_map(|(length, times)| {
             [0xb5, 0x62, 0x05, 0x01, 0x02, 0x00][..length].repeat(times)
         }),
         1 => vec(any::<u8>(), 0..40),
@@ -85,8 +89,7 @@ proptest! {
         }
         prop_assert_eq!(counters[0], counters[1]);
         prop_assert_eq!(counters[0], counters[2]);
-        let good = counters[0].nav_pvts * 100 + (counters[0].acks + counters[0].naks) * 10;
-        prop_assert_eq!(good + counters[0].foreign_bytes, bytes.len() as u32);
+        prop_assert_eq!(ubx_line::accounted(&counters[0]), bytes.len() as u32);
     }
 }
 
@@ -152,10 +155,10 @@ fn each_kind_of_bad_input_is_counted_as_what_it_is() {
 
     let expected = LinkCounters {
         other_messages: 1,
-        foreign_bytes: 24,
+        foreign_bytes: 28,
         ..none
     };
-    assert_eq!(harmless(&ubx::frame(0x0d, 0x01, &[0; 16])), expected);
+    assert_eq!(harmless(&ubx::frame(0x01, 0x21, &[0; 20])), expected);
 
     // A truncated frame fails when the next one fills it up.
     let expected = LinkCounters {
@@ -168,11 +171,48 @@ fn each_kind_of_bad_input_is_counted_as_what_it_is() {
 
 #[test]
 fn headers_without_end_hold_nothing_up() {
-    for header in [b"\xb5\x62\x01\x07\x5c\x00", b"\xb5\x62\x05\x01\x02\x00"] {
+    for header in [
+        b"\xb5\x62\x01\x07\x5c\x00",
+        b"\xb5\x62\x0d\x01\x10\x00",
+        b"\xb5\x62\x05\x01\x02\x00",
+    ] {
         let counters = harmless(&header.repeat(500));
         assert_eq!(counters.bad_checksums, 500);
         assert_eq!(counters.foreign_bytes, 3_000);
     }
+}
+
+#[test]
+fn a_forecast_is_late_by_what_the_receiver_will_have_added() {
+    for (late_ps, flags) in [(10_417, 0x03), (-10_417, 0x03), (i32::MAX, 0x0b)] {
+        let mut payload = ubx::tim_tp_payload(1_795_348_800_000_000_000, late_ps);
+        payload[14] = flags;
+        let bytes = [nav_pvt(0), ubx::frame(0x0d, 0x01, &payload)].concat();
+        let events = ubx_line::hear(&mut Link::new(), &bytes, &[7]);
+        let [Event::NavPvt { .. }, Event::TimTp(forecast)] = events[..] else {
+            panic!("{events:?}")
+        };
+        assert_eq!(forecast.late_ps, late_ps);
+        assert_eq!(forecast.arrival, ubx_line::arrival(100));
+    }
+    // The least qErr has no opposite.
+    let mut payload = [0; 16];
+    payload[8..12].copy_from_slice(&i32::MIN.to_le_bytes());
+    let bytes = ubx::frame(0x0d, 0x01, &payload);
+    let events = ubx_line::hear(&mut Link::new(), &bytes, &[24]);
+    assert_eq!(events, ubx_line::expected(&bytes));
+    assert_eq!(events.len(), 1);
+}
+
+#[test]
+fn a_forecast_that_says_nothing_is_no_event() {
+    let mut payload = ubx::tim_tp_payload(1_795_348_800_000_000_000, 10_417);
+    payload[14] |= 0x10;
+    let mut link = Link::new();
+    let bytes = ubx::frame(0x0d, 0x01, &payload);
+    assert_eq!(ubx_line::hear(&mut link, &bytes, &[24]), []);
+    let counters = link.counters();
+    assert_eq!((counters.tim_tps, counters.refused), (0, 1));
 }
 
 #[test]

@@ -141,7 +141,7 @@ fn a_receiver_is_found_and_configured_at_any_rate() {
             assert_eq!(receiver.port(), Port::CONFIGURED, "from {baud}");
             assert!(board.session.is_done());
             let counters = board.session.counters();
-            assert_eq!((counters.rounds, counters.accepted), (1, 4), "from {baud}");
+            assert_eq!((counters.rounds, counters.accepted), (1, 5), "from {baud}");
             assert_eq!(
                 (counters.refused, counters.unanswered),
                 (0, 0),
@@ -168,8 +168,8 @@ fn a_receiver_at_our_rate_never_sees_another() {
     board.run(&mut receiver, WorldNanos(3_600 * SECOND));
     assert_eq!(board.tuned, []);
     assert_eq!(board.session.counters().attempts, 1);
-    // CFG-PRT and the four settings, once: 28 + 14 + 11 + 44 + 40 bytes.
-    assert_eq!(board.sent_bytes, 137);
+    // CFG-PRT and the five settings, once: 28 + 14 + 11 + 44 + 40 + 11 bytes.
+    assert_eq!(board.sent_bytes, 148);
 }
 
 #[test]
@@ -191,6 +191,35 @@ fn a_restarted_receiver_is_found_again() {
         again.is_some_and(|at| *at < WorldNanos(15 * SECOND)),
         "{again:?}"
     );
+}
+
+#[test]
+fn forecasts_come_as_long_as_they_are_wanted() {
+    let mut receiver = Receiver::new(factory(9_600));
+    let mut board = Board::new();
+    board.run(&mut receiver, WorldNanos(10 * SECOND));
+    assert_eq!(receiver.port(), Port::CONFIGURED);
+    let with_forecasts = Port {
+        tim_tp_every: 1,
+        ..Port::CONFIGURED
+    };
+    for (end_s, wanted, port) in [
+        (20, true, with_forecasts),
+        (30, false, Port::CONFIGURED),
+        (40, true, with_forecasts),
+    ] {
+        board.session.want_forecasts(wanted);
+        board.run(&mut receiver, WorldNanos(end_s * SECOND));
+        assert_eq!(receiver.port(), port);
+    }
+    assert!(board.session.is_done());
+    let counters = board.session.counters();
+    assert_eq!((counters.rounds, counters.accepted), (1, 8));
+
+    // A receiver that restarts is told again.
+    let mut restarted = Receiver::new(factory(9_600));
+    board.run(&mut restarted, WorldNanos(60 * SECOND));
+    assert_eq!(restarted.port(), with_forecasts);
 }
 
 /// Nobody at the far end.
@@ -261,7 +290,7 @@ fn a_receiver_that_talks_and_does_not_hear_is_left_at_its_rate() {
     let expected = SessionCounters {
         rounds: 1,
         attempts: 1,
-        unanswered: 4 * u32::from(TRIES),
+        unanswered: 5 * u32::from(TRIES),
         ..SessionCounters::default()
     };
     assert_eq!(board.session.counters(), expected);
@@ -297,9 +326,14 @@ fn a_refusal_is_counted_and_the_session_goes_on() {
         Setting::Message,
         Setting::Navigation,
         Setting::Pulse,
+        Setting::Forecasts { on: false },
     ];
     assert_eq!(seen, order.map(Setting::message));
-    assert_eq!(session.counters().refused, 4);
+    assert_eq!(session.counters().refused, 5);
+    // What was refused is not asked for again, but for another wish.
+    assert_eq!(session.poll(now), None);
+    session.want_forecasts(true);
+    assert!(matches!(session.poll(now), Some(Action::Transmit(_))));
 }
 
 #[test]

@@ -9,8 +9,8 @@
 //! *Limits.* Of a NAV-PVT all that `ubx-link` hands on is compared, nothing else.
 #![allow(dead_code, reason = "each test file uses its own part of it")]
 
-use timebase::{CivilTime, Cycles, StampedByte, TimeMark, Validity};
-use ubx_link::{Event, Fix, Link};
+use timebase::{CivilTime, Cycles, PulseForecast, StampedByte, TimeMark, Validity};
+use ubx_link::{Event, Fix, Link, LinkCounters};
 use world::ubx::{self, Found};
 
 /// Cycles that a byte takes at 115200: 168 MHz · 10 / 115200, rounded.
@@ -74,24 +74,53 @@ pub fn hear(link: &mut Link, bytes: &[u8], cuts: &[usize]) -> Vec<Event> {
 pub fn ours(class: u8, id: u8, length: usize) -> bool {
     matches!(
         (class, id, length),
-        (0x01, 0x07, 92) | (0x05, 0x00 | 0x01, 2)
+        (0x01, 0x07, 92) | (0x0d, 0x01, 16) | (0x05, 0x00 | 0x01, 2)
     )
 }
 
 /// What must come out of `bytes` when they are heard from boot on.
 pub fn expected(bytes: &[u8]) -> Vec<Event> {
-    ubx::find_frames(bytes, ours).iter().map(event).collect()
+    ubx::find_frames(bytes, ours)
+        .iter()
+        .filter_map(event)
+        .collect()
 }
 
-fn event(frame: &Found<'_>) -> Event {
+/// The bytes of all frames of ours that were counted, but for the refused ones, and
+/// of everything else that was.
+pub fn accounted(counters: &LinkCounters) -> u32 {
+    let good =
+        counters.nav_pvts * 100 + counters.tim_tps * 24 + (counters.acks + counters.naks) * 10;
+    // Only a TIM-TP can say of itself that it says nothing.
+    good + counters.refused * 24 + counters.foreign_bytes
+}
+
+fn event(frame: &Found<'_>) -> Option<Event> {
+    Some(match frame.class {
+        0x01 => nav_pvt(frame),
+        0x0d => {
+            let p = frame.payload;
+            let q_err = i32::from_le_bytes([p[8], p[9], p[10], p[11]]);
+            if p[14] & 0x10 != 0 {
+                return None;
+            }
+            Event::TimTp(PulseForecast {
+                arrival: arrival(frame.offset),
+                late_ps: q_err.checked_neg().unwrap_or(i32::MAX),
+            })
+        }
+        _ => {
+            let (class, id) = (frame.payload[0], frame.payload[1]);
+            match frame.id {
+                1 => Event::Ack { class, id },
+                _ => Event::Nak { class, id },
+            }
+        }
+    })
+}
+
+fn nav_pvt(frame: &Found<'_>) -> Event {
     let p = frame.payload;
-    if frame.class == 0x05 {
-        let (class, id) = (p[0], p[1]);
-        return match frame.id {
-            1 => Event::Ack { class, id },
-            _ => Event::Nak { class, id },
-        };
-    }
     let four = |at: usize| u32::from_le_bytes([p[at], p[at + 1], p[at + 2], p[at + 3]]);
     let two = |at: usize| u16::from_le_bytes([p[at], p[at + 1]]);
     Event::NavPvt {

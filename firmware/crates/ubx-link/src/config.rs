@@ -1,8 +1,8 @@
 //! The configuration frames, byte for byte.
 //!
 //! *Purpose.* What the receiver is told: 115200 baud and UBX alone, a solution
-//! each 200 ms on the grid of UTC, NAV-PVT of it, the airborne model, and a pulse
-//! at each full second.
+//! each 200 ms on the grid of UTC, NAV-PVT of it, the airborne model, a pulse at
+//! each full second, and whether to forecast it.
 //!
 //! *Design.* Built by `ublox`, except for CFG-PRT: its builder leaves out a bit of
 //! `mode` that is reserved and set in every receiver's own answer. The frames are
@@ -47,6 +47,11 @@ pub enum Setting {
     /// CFG-TP5: a pulse of 100 ms at each second of UTC, once GNSS time is known;
     /// its rising edge is the mark.
     Pulse,
+    /// CFG-MSG: TIM-TP before every pulse, on the port that hears it, or never.
+    Forecasts {
+        /// Whether it is to come.
+        on: bool,
+    },
 }
 
 impl Setting {
@@ -56,7 +61,7 @@ impl Setting {
         let id = match self {
             Self::Port => 0x00,
             Self::Rate => 0x08,
-            Self::Message => 0x01,
+            Self::Message | Self::Forecasts { .. } => 0x01,
             Self::Navigation => 0x24,
             Self::Pulse => 0x31,
         };
@@ -82,6 +87,15 @@ impl Setting {
                     msg_class: 0x01,
                     msg_id: 0x07,
                     rate: 1,
+                }
+                .into_packet_bytes(),
+            ),
+            Self::Forecasts { on } => put(
+                buffer,
+                &CfgMsgSinglePortBuilder {
+                    msg_class: 0x0d,
+                    msg_id: 0x01,
+                    rate: on.into(),
                 }
                 .into_packet_bytes(),
             ),
@@ -154,7 +168,7 @@ mod tests {
     /// The frames as pyubx2 and a second encoder give them.
     #[test]
     fn frames_are_right_to_the_byte() {
-        let known: [(Setting, &[u8]); 5] = [
+        let known: [(Setting, &[u8]); 7] = [
             (
                 Setting::Port,
                 b"\xb5\x62\x06\x00\x14\x00\x01\x00\x00\x00\xd0\x08\x00\x00\x00\xc2\x01\x00\
@@ -178,6 +192,14 @@ mod tests {
                 b"\xb5\x62\x06\x31\x20\x00\x00\x01\x00\x00\x00\x00\x00\x00\x40\x42\x0f\x00\
                   \x40\x42\x0f\x00\x00\x00\x00\x00\xa0\x86\x01\x00\x00\x00\x00\x00\x77\x00\
                   \x00\x00\x18\x3e",
+            ),
+            (
+                Setting::Forecasts { on: true },
+                b"\xb5\x62\x06\x01\x03\x00\x0d\x01\x01\x19\x69",
+            ),
+            (
+                Setting::Forecasts { on: false },
+                b"\xb5\x62\x06\x01\x03\x00\x0d\x01\x00\x18\x68",
             ),
         ];
         for (setting, expected) in known {

@@ -1,20 +1,27 @@
 //! What a good frame says.
 //!
 //! *Purpose.* A NAV-PVT as the clock's [`TimeMark`] and as the position that
-//! MAVLink passes on; an answer to configuration.
+//! MAVLink passes on; a TIM-TP as its [`PulseForecast`]; an answer to configuration.
 //!
 //! *Design.* `ublox` reads the payload, once, and only its raw integers are used:
 //! its scaled accessors are in `f64`, which this core does in software, and its
 //! `Debug` panics on some packets. Nothing is judged here: a month may be 13.
 //!
+//! *The sign of `qErr`.* The receiver description calls it the quantisation error
+//! of the time pulse and names no sign. Measured with a time-interval counter, from a
+//! reference to the pulse of a ZED-F9T, it is to be **added** to the measured
+//! interval to take the sawtooth out (A. Wallin, anderswallin.net, "uBlox F9T qErr
+//! correction", 2019): a pulse that is late has a negative one. So
+//! [`PulseForecast::late_ps`] is −`qErr`.
+//!
 //! *Limits.* Height above the ellipsoid, the velocity's components and the
 //! magnetic fields are left where they are.
 
-use timebase::{CivilTime, Cycles, TimeMark, Validity};
+use timebase::{CivilTime, Cycles, PulseForecast, TimeMark, Validity};
 use ublox::UbxProtocol;
 use ublox::proto23::{PacketRef, Proto23};
 
-use crate::kind::{ACK_PAYLOAD_LEN, HEADER_LEN, Kind, NAV_PVT_PAYLOAD_LEN};
+use crate::kind::{ACK_PAYLOAD_LEN, HEADER_LEN, Kind, NAV_PVT_PAYLOAD_LEN, TIM_TP_PAYLOAD_LEN};
 
 /// What the receiver said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,6 +33,8 @@ pub enum Event {
         /// Its position.
         fix: Fix,
     },
+    /// TIM-TP: what the next time pulse will be like.
+    TimTp(PulseForecast),
     /// ACK-ACK: a configuration frame was accepted.
     Ack {
         /// The class of that frame.
@@ -70,6 +79,13 @@ pub struct Fix {
     pub pdop_1e2: u16,
 }
 
+/// `qErrInvalid` in the flags of a TIM-TP: `qErr` says nothing. The bit is younger than
+/// the M8 (u-blox F9 interface descriptions) and 0 before; a recorded cold start has
+/// it set, and `qErr` 0, for as long as it lasts.
+const QUANTISATION_UNKNOWN: u8 = 0x10;
+/// Where those flags stand in the payload: `ublox` keeps their raw value to itself.
+const TIM_TP_FLAGS: usize = 14;
+
 /// The bits of `valid` and `flags` that are used, and `utcStandard` when the
 /// leap-second count is still the one that the receiver was built with.
 const VALID_DATE: u8 = 0x01;
@@ -85,7 +101,8 @@ fn payload<const LENGTH: usize>(frame: &[u8]) -> Option<&[u8; LENGTH]> {
 }
 
 /// What the whole frame `frame` of `kind` says, whose first byte came at
-/// `arrival`; `None` if `ublox` refuses it.
+/// `arrival`; `None` if `ublox` refuses it, or if it says of itself that it says
+/// nothing.
 pub(crate) fn parse(kind: Kind, frame: &[u8], arrival: Cycles) -> Option<Event> {
     // Class and id are constants in each call, so that of `ublox`'s table of
     // packets only the one in question is compiled.
@@ -130,6 +147,19 @@ pub(crate) fn parse(kind: Kind, frame: &[u8], arrival: Cycles) -> Option<Event> 
                     heading_1e5_deg: pvt.heading_motion_raw(),
                     pdop_1e2: pvt.pdop_raw(),
                 },
+            })
+        }
+        Kind::TimTp => {
+            let payload = payload::<TIM_TP_PAYLOAD_LEN>(frame)?;
+            let PacketRef::TimTp(tp) = Proto23::match_packet(0x0d, 0x01, payload).ok()? else {
+                return None;
+            };
+            let known = payload.get(TIM_TP_FLAGS)? & QUANTISATION_UNKNOWN == 0;
+            known.then(|| {
+                Event::TimTp(PulseForecast {
+                    arrival,
+                    late_ps: tp.q_err().saturating_neg(),
+                })
             })
         }
         Kind::Ack => {

@@ -18,6 +18,8 @@ const OVERHEAD: usize = HEADER_LEN + CHECKSUM_LEN;
 pub(crate) const NAV_PVT_PAYLOAD_LEN: usize = 92;
 /// Payload of an acknowledgement, in bytes (the same).
 pub(crate) const ACK_PAYLOAD_LEN: usize = 2;
+/// Payload of a TIM-TP, in bytes (the same).
+pub(crate) const TIM_TP_PAYLOAD_LEN: usize = 16;
 /// The longest frame that we use, in bytes.
 pub(crate) const LONGEST: usize = NAV_PVT_PAYLOAD_LEN + OVERHEAD;
 /// The shortest frame that we use, in bytes.
@@ -30,6 +32,7 @@ pub(crate) const SYNC_2: u8 = 0x62;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     NavPvt,
+    TimTp,
     Ack,
     Nak,
 }
@@ -39,6 +42,7 @@ impl Kind {
     pub(crate) const fn frame_len(self) -> usize {
         match self {
             Self::NavPvt => LONGEST,
+            Self::TimTp => TIM_TP_PAYLOAD_LEN + OVERHEAD,
             Self::Ack | Self::Nak => SHORTEST,
         }
     }
@@ -65,6 +69,7 @@ impl Header {
     pub(crate) fn at(bytes: &[u8]) -> Self {
         // Class, id and length are compared as one word, class and id as half.
         const NAV_PVT: u32 = u32::from_le_bytes([0x01, 0x07, NAV_PVT_PAYLOAD_LEN as u8, 0]);
+        const TIM_TP: u32 = u32::from_le_bytes([0x0d, 0x01, TIM_TP_PAYLOAD_LEN as u8, 0]);
         const ACK: u32 = u32::from_le_bytes([0x05, 0x01, ACK_PAYLOAD_LEN as u8, 0]);
         const NAK: u32 = u32::from_le_bytes([0x05, 0x00, ACK_PAYLOAD_LEN as u8, 0]);
         const MESSAGE: u32 = 0xffff;
@@ -76,9 +81,10 @@ impl Header {
         };
         match u32::from_le_bytes(*word) {
             NAV_PVT => Self::Ours(Kind::NavPvt),
+            TIM_TP => Self::Ours(Kind::TimTp),
             ACK => Self::Ours(Kind::Ack),
             NAK => Self::Ours(Kind::Nak),
-            word if [NAV_PVT, ACK, NAK]
+            word if [NAV_PVT, TIM_TP, ACK, NAK]
                 .iter()
                 .any(|ours| (word ^ ours) & MESSAGE == 0) =>
             {
@@ -100,10 +106,12 @@ mod tests {
             Header::at(&[SYNC_1, sync_2, class, id, low, high])
         };
         assert_eq!(at(b"\x62\x01\x07\x5c\x00"), Header::Ours(Kind::NavPvt));
+        assert_eq!(at(b"\x62\x0d\x01\x10\x00"), Header::Ours(Kind::TimTp));
         assert_eq!(at(b"\x62\x05\x01\x02\x00"), Header::Ours(Kind::Ack));
         assert_eq!(at(b"\x62\x05\x00\x02\x00"), Header::Ours(Kind::Nak));
         assert_eq!(at(b"\x62\x01\x07\x5c\x01"), Header::FalseLength);
         assert_eq!(at(b"\x62\x05\x00\x5c\x00"), Header::FalseLength);
+        assert_eq!(at(b"\x62\x0d\x01\x10\x10"), Header::FalseLength);
         assert_eq!(at(b"\x62\x05\x02\x02\x00"), Header::OtherMessage);
         assert_eq!(at(b"\x62\x07\x01\x5c\x00"), Header::OtherMessage);
         assert_eq!(at(b"\xb5\x01\x07\x5c\x00"), Header::LoneSync);

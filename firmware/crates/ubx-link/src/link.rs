@@ -45,6 +45,8 @@ const AHEAD: u32 = CORE_HZ / 10;
 pub struct LinkCounters {
     /// Good frames: NAV-PVT.
     pub nav_pvts: u32,
+    /// Good frames: TIM-TP.
+    pub tim_tps: u32,
     /// Good frames: ACK-ACK.
     pub acks: u32,
     /// Good frames: ACK-NAK.
@@ -53,7 +55,8 @@ pub struct LinkCounters {
     pub bad_checksums: u32,
     /// Frames that looked like ours and broke off before an idle line.
     pub truncated: u32,
-    /// Frames whose checksum held and that `ublox` would not read.
+    /// Frames whose checksum held and that `ublox` would not read, or that said of
+    /// themselves that they say nothing (TIM-TP).
     pub refused: u32,
     /// Headers of ours by class and id, but with another length.
     pub false_lengths: u32,
@@ -96,6 +99,7 @@ impl Link {
             wanted: SHORTEST,
             counters: LinkCounters {
                 nav_pvts: 0,
+                tim_tps: 0,
                 acks: 0,
                 naks: 0,
                 bad_checksums: 0,
@@ -219,6 +223,7 @@ impl Link {
         let counter = match kind {
             _ if event.is_none() => &mut counters.refused,
             Kind::NavPvt => &mut counters.nav_pvts,
+            Kind::TimTp => &mut counters.tim_tps,
             Kind::Ack => &mut counters.acks,
             Kind::Nak => &mut counters.naks,
         };
@@ -275,7 +280,7 @@ impl Sums {
             }
             // The reading ahead may be further ahead than their ends already, but
             // they are short.
-            Kind::Ack | Kind::Nak => {
+            Kind::TimTp | Kind::Ack | Kind::Nak => {
                 let start = Fletcher::START;
                 start.then_all(summed).since(start, summed.len())
             }

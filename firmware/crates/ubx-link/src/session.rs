@@ -1,7 +1,8 @@
 //! The configuration session: what leaves for the receiver, when, and at which rate.
 //!
 //! *Purpose.* To bring a receiver, whatever it was left at, to 115200 baud and
-//! NAV-PVT alone, and back to it when it has restarted.
+//! NAV-PVT alone, and back to it when it has restarted; with TIM-TP beside it while
+//! somebody wants forecasts of the pulse.
 //!
 //! *Design.* A state machine without I/O. [`Session::poll`] says what to do next;
 //! the wiring does it and tells the session of everything readable that comes in
@@ -13,7 +14,9 @@
 //! the same, and sends the first setting there. CFG-PRT itself is not waited for:
 //! its answer comes at a rate that is not defined. If anything readable comes, the
 //! receiver is found, and the other settings follow, each until it is answered or
-//! [`TRIES`] times. If nothing comes, the next attempt takes the next rate of
+//! [`TRIES`] times. Whether TIM-TP is to come is the last of them and is sent again
+//! when the wish changes; a receiver that refuses is not asked again. It comes on
+//! request only, since a burst should begin with NAV-PVT. If nothing comes, the next attempt takes the next rate of
 //! [`BAUDS`]. After a *round* of all of them the session listens for [`SILENCE`].
 //! While frames arrive, no rate is tried: only silence of [`SILENCE`] begins a new
 //! round.
@@ -29,7 +32,8 @@ use timebase::Cycles;
 use crate::config::{BAUD, BAUDS, LONGEST, Setting};
 use crate::event::Event;
 
-/// What is sent once the receiver is found, in this order.
+/// What is sent once the receiver is found, in this order; then
+/// [`Setting::Forecasts`].
 const SETTINGS: [Setting; 4] = [
     Setting::Rate,
     Setting::Message,
@@ -113,9 +117,13 @@ pub struct Session {
     rate: usize,
     /// Attempts of this round, this one included.
     attempts: usize,
-    /// Which of [`SETTINGS`] is at hand, and how often it has been sent.
+    /// Which of [`SETTINGS`], or the one behind them, is at hand, and how often it has
+    /// been sent.
     setting: usize,
     tries: u8,
+    /// Whether forecasts are wanted, and whether the receiver was told so last.
+    wants_forecasts: bool,
+    told_forecasts: bool,
     /// When something readable last came in this round.
     heard: Option<Cycles>,
     buffer: [u8; LONGEST],
@@ -139,6 +147,8 @@ impl Session {
             attempts: 1,
             setting: 0,
             tries: 0,
+            wants_forecasts: false,
+            told_forecasts: false,
             heard: None,
             buffer: [0; LONGEST],
             counters: SessionCounters {
@@ -162,6 +172,12 @@ impl Session {
     #[must_use]
     pub const fn is_done(&self) -> bool {
         matches!(self.state, State::Listening { .. }) && self.heard.is_some()
+    }
+
+    /// Says whether TIM-TP is wanted: while pulses come. Call [`Session::poll`]
+    /// afterwards.
+    pub const fn want_forecasts(&mut self, wanted: bool) {
+        self.wants_forecasts = wanted;
     }
 
     /// What to do now, one thing a call: call until it is `None`, after each
@@ -189,11 +205,14 @@ impl Session {
                     }
                 }
                 State::Send => {
-                    let Some(setting) = SETTINGS.get(self.setting).copied() else {
+                    let Some(setting) = self.setting() else {
                         let until = self.heard.unwrap_or(now).plus(SILENCE);
                         self.state = State::Listening { until };
                         continue;
                     };
+                    if let Setting::Forecasts { on } = setting {
+                        self.told_forecasts = on;
+                    }
                     self.state = State::Sending;
                     self.tries = self.tries.wrapping_add(1);
                     return Some(self.transmit(setting));
@@ -201,6 +220,10 @@ impl Session {
                 State::Settling { until } if now >= until => self.begin_settings(),
                 State::Waiting { until } if now >= until => self.no_answer(now),
                 State::Listening { until } if now >= until => self.begin_round(),
+                State::Listening { .. } if self.has_to_tell_forecasts() => {
+                    (self.setting, self.tries) = (SETTINGS.len(), 0);
+                    self.state = State::Send;
+                }
                 _ => return None,
             }
         }
@@ -241,7 +264,7 @@ impl Session {
                 self.state = State::Listening { until };
             }
             State::Waiting { .. } => {
-                let awaited = SETTINGS.get(self.setting).map(|setting| setting.message());
+                let awaited = self.setting().map(Setting::message);
                 match *event {
                     Event::Ack { class, id } if awaited == Some((class, id)) => {
                         count(&mut self.counters.accepted);
@@ -256,6 +279,18 @@ impl Session {
             }
             _ => {}
         }
+    }
+
+    /// The setting at hand; `None` behind the last.
+    fn setting(&self) -> Option<Setting> {
+        let last = Setting::Forecasts {
+            on: self.wants_forecasts,
+        };
+        SETTINGS.iter().chain([&last]).nth(self.setting).copied()
+    }
+
+    const fn has_to_tell_forecasts(&self) -> bool {
+        self.heard.is_some() && self.wants_forecasts != self.told_forecasts
     }
 
     /// The wait for an answer is over.

@@ -3,11 +3,13 @@
 //! *Purpose.* Drives [`UtcClock`] and [`Published`] as the firmware does, from
 //! wake-up to wake-up, and looks at every reading on the way.
 //!
-//! *Design.* The world's time is true time in ns; the crystal makes cycles of it.
-//! Marks are heard when their frame has come in, timeouts when they are due and
-//! a little late. The referee holds each reading against the one before: later
-//! stamps have later readings, and the rate stays within the slew limit of the
-//! crystal's, but for the steps that the clock owned up to.
+//! *Design.* The world's time is true time in ns; a [`Crystal`] makes cycles of it.
+//! Marks are heard when their frame has come in, pulses when their task has got
+//! round to them, timeouts when they are due and a little late. The referee holds
+//! each reading against the one before: later stamps have later readings, and the
+//! clock goes at its frequency, give or take the slew limit, but for the steps that
+//! it owned up to, by exactly what it owned up to. And the frequency itself must not
+//! be worse than knowing nothing about the crystal, but for a margin.
 //!
 //! *Limits.* One reader; what several priorities do to each other is visited in
 //! `clock_published`.
@@ -16,12 +18,17 @@
     reason = "a panic is how the referee whistles"
 )]
 
-use timebase::{CORE_HZ, CivilTime, Cycles, TimeMark, Validity};
-use utc_clock::clock::LEAD;
-use utc_clock::{ClockState, Outcome, Published, Reading, Settings, UtcClock, UtcNanos, calendar};
+use timebase::{CORE_HZ, CivilTime, Cycles, PulseForecast, PulseMark, TimeMark, Validity};
+use utc_clock::clock::{LEAD, MAX_SLEW};
+use utc_clock::{
+    ClockState, Outcome, Published, PulseOutcome, Reading, Settings, UtcClock, UtcNanos, calendar,
+};
+use world::{Crystal, CrystalSettings, WorldNanos};
 
 /// ns.
-pub const MS: i64 = 1_000_000;
+pub const US: i64 = 1_000;
+/// ns.
+pub const MS: i64 = 1_000 * US;
 /// ns.
 pub const SECOND: i64 = 1_000 * MS;
 
@@ -30,8 +37,44 @@ pub const START: UtcNanos = UtcNanos(1_795_309_323 * SECOND);
 
 /// 100 bytes at 115200 baud, and the task that gets round to them, in ns.
 pub const FRAME_NS: i64 = 8_700_000;
+/// From a pulse's edge to its handling, in ns.
+const PULSE_TASK_NS: i64 = 20_000;
 /// How late the firmware's timers are: a tick and a wake-up.
 const TIMER_LATE: u64 = 10_000;
+/// How much worse than nothing a frequency may be, in ppb: a learner of 50 ppm
+/// needs that much room.
+const MARGIN_PPB: f64 = 100_000.0;
+
+/// What a reader was told, beside the truth.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// The world's time, in ns.
+    pub at_ns: i64,
+    /// The reading less UTC, in ns.
+    pub error_ns: i64,
+    /// How far off the clock said that it may be, in ns.
+    pub uncertainty_ns: u32,
+    /// Set, or in holdover.
+    pub state: ClockState,
+}
+
+/// How the line goes on from a moment.
+#[derive(Clone, Copy, Debug)]
+struct Course {
+    at: Cycles,
+    frequency_ppb: i32,
+    /// What it owned up to.
+    step: Step,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    No,
+    /// By so many ns.
+    By(i64),
+    /// From nothing.
+    Set,
+}
 
 /// A board and the world's time.
 pub struct Board<'a> {
@@ -41,36 +84,51 @@ pub struct Board<'a> {
     pub line: &'a Published,
     /// ns since the start, true time.
     pub now_ns: i64,
-    /// How much faster than it should the crystal runs.
-    pub crystal_ppb: i64,
     /// Readings so many ns apart while time passes.
     pub read_every_ns: i64,
-    /// Every reading's error (reading less UTC) goes here while the clock is set.
-    pub errors_ns: Vec<i64>,
+    /// By how much the frequency may be off, in ppb, beyond what the crystal is.
+    pub margin_ppb: f64,
+    /// Every reading since the clock was set.
+    pub samples: Vec<Sample>,
+    crystal: Crystal,
     last: Option<(Cycles, Reading)>,
-    steps: Vec<Cycles>,
+    courses: Vec<Course>,
 }
 
 impl<'a> Board<'a> {
+    /// A board that starts now, with a crystal that is always so many ppb fast.
+    pub fn new(settings: Settings, crystal_ppb: f64, line: &'a Published) -> Self {
+        Self::with_crystal(settings, CrystalSettings::quiet(crystal_ppb), 0, line)
+    }
+
     /// A board that starts now.
-    pub fn new(settings: Settings, crystal_ppb: i64, line: &'a Published) -> Self {
+    pub fn with_crystal(
+        settings: Settings,
+        crystal: CrystalSettings,
+        seed: u64,
+        line: &'a Published,
+    ) -> Self {
+        let boot = Course {
+            at: Cycles::BOOT,
+            frequency_ppb: 0,
+            step: Step::No,
+        };
         Self {
             clock: UtcClock::new(settings, line),
             line,
             now_ns: 0,
-            crystal_ppb,
             read_every_ns: 10 * MS,
-            errors_ns: Vec::new(),
+            margin_ppb: MARGIN_PPB,
+            samples: Vec::new(),
+            crystal: Crystal::new(crystal, seed),
             last: None,
-            steps: Vec::new(),
+            courses: vec![boot],
         }
     }
 
     /// What the board's counter says at a moment of the world.
-    pub fn cycles(&self, world_ns: i64) -> Cycles {
-        let rate = i128::from(CORE_HZ) * i128::from(SECOND + self.crystal_ppb);
-        let cycles = i128::from(world_ns) * rate / i128::from(SECOND) / i128::from(SECOND);
-        Cycles(u64::try_from(cycles).expect("after the start"))
+    pub fn cycles(&mut self, world_ns: i64) -> Cycles {
+        Cycles(self.crystal.cycles_at(moment(world_ns)))
     }
 
     /// UTC now.
@@ -92,6 +150,7 @@ impl<'a> Board<'a> {
                     break;
                 }
                 self.clock.handle_timeout(due);
+                self.note(Step::No);
             }
             self.read();
         }
@@ -112,11 +171,40 @@ impl<'a> Board<'a> {
 
     /// A mark as it is, now.
     pub fn handle(&mut self, mark: &TimeMark) -> Outcome {
-        let outcome = self.clock.handle_mark(mark, self.cycles(self.now_ns));
-        if matches!(outcome, Outcome::Set | Outcome::Stepped { .. }) {
-            self.steps.push(self.clock.model().at());
-        }
+        let now = self.cycles(self.now_ns);
+        let outcome = self.clock.handle_mark(mark, now);
+        self.note(match outcome {
+            Outcome::Set => Step::Set,
+            Outcome::Stepped { by_ns } => Step::By(by_ns),
+            _ => Step::No,
+        });
         outcome
+    }
+
+    /// An edge of the pulse at `edge_ns`.
+    pub fn hear_pulse(&mut self, edge_ns: i64) -> PulseOutcome {
+        self.pass_until((edge_ns + PULSE_TASK_NS).max(self.now_ns));
+        let edge = self.cycles(edge_ns);
+        self.handle_pulse(&PulseMark { edge })
+    }
+
+    /// A pulse as it is, now.
+    pub fn handle_pulse(&mut self, pulse: &PulseMark) -> PulseOutcome {
+        let now = self.cycles(self.now_ns);
+        let outcome = self.clock.handle_pulse(pulse, now);
+        self.note(match outcome {
+            PulseOutcome::Stepped { by_ns } => Step::By(by_ns),
+            _ => Step::No,
+        });
+        outcome
+    }
+
+    /// What the receiver says of its next pulse, at `arrival_ns`.
+    pub fn hear_forecast(&mut self, late_ps: i32, arrival_ns: i64) {
+        self.pass_until(arrival_ns.max(self.now_ns));
+        let arrival = self.cycles(arrival_ns);
+        self.clock
+            .handle_forecast(&PulseForecast { arrival, late_ps });
     }
 
     /// Reads the clock, and referees.
@@ -128,23 +216,15 @@ impl<'a> Board<'a> {
             self.line.utc_of(now.stamp()),
             "both ways agree"
         );
-        if let Some((then, before)) = self.last
-            && then < now
-            && !self.steps.iter().any(|step| then < *step && *step <= now)
-        {
-            let passed = reading.utc.since(before.utc);
-            let cycles = i128::from(now.since(then));
-            let nominal = cycles * i128::from(SECOND) / i128::from(CORE_HZ);
-            let beside = (i128::from(passed) - nominal).abs();
-            assert!(passed > 0, "back or standing still at {}", reading.utc);
-            assert!(
-                beside <= nominal / 2_000 + 2,
-                "{beside} ns in {nominal} ns are more than 500 ppm"
-            );
-        }
+        self.referee(now, &reading);
         self.last = Some((now, reading));
         if reading.state != ClockState::Unset {
-            self.errors_ns.push(reading.utc.since(self.truth()));
+            self.samples.push(Sample {
+                at_ns: self.now_ns,
+                error_ns: reading.utc.since(self.truth()),
+                uncertainty_ns: reading.uncertainty_ns,
+                state: reading.state,
+            });
         }
         reading
     }
@@ -155,11 +235,93 @@ impl<'a> Board<'a> {
         self.read().utc.since(truth)
     }
 
+    /// How far the clock's frequency is from the one that makes up for the crystal,
+    /// in ppb.
+    pub fn frequency_error_ppb(&mut self) -> f64 {
+        f64::from(self.clock.frequency().0) - self.wanted_ppb()
+    }
+
     /// Until a new course holds.
     pub fn pass_lead(&mut self) {
         let lead = i64::try_from(LEAD).expect("1 ms") * SECOND / i64::from(CORE_HZ);
         self.pass_until(self.now_ns + 2 * lead);
     }
+
+    /// How much faster than the crystal a clock has to run to be right, in ppb.
+    fn wanted_ppb(&mut self) -> f64 {
+        let fast = self.crystal.frequency_ppb_at(moment(self.now_ns)) * 1e-9;
+        -fast / (1.0 + fast) * 1e9
+    }
+
+    /// Notes the course that the clock is on since the last call.
+    fn note(&mut self, step: Step) {
+        let course = Course {
+            at: self.clock.model().at(),
+            frequency_ppb: self.clock.frequency().0,
+            step,
+        };
+        // What no reading can see any more.
+        if let Some((then, _)) = self.last
+            && let Some(in_force) = self.courses.iter().rposition(|course| course.at <= then)
+        {
+            self.courses.drain(..in_force);
+        }
+        self.courses.push(course);
+    }
+
+    fn referee(&mut self, now: Cycles, reading: &Reading) {
+        if reading.state != ClockState::Unset {
+            assert!(reading.uncertainty_ns > 0, "nothing is that certain");
+            let wanted_ppb = self.wanted_ppb();
+            let off_ppb = (f64::from(self.clock.frequency().0) - wanted_ppb).abs();
+            assert!(
+                off_ppb <= wanted_ppb.abs() + self.margin_ppb,
+                "at {} ns the frequency is {off_ppb} ppb off",
+                self.now_ns
+            );
+        }
+        let Some((then, before)) = self.last.filter(|(then, _)| *then < now) else {
+            return;
+        };
+        let since = self.courses.iter().rposition(|course| course.at <= then);
+        let in_force = &self.courses[since.expect("since boot")..];
+        let mut steps_ns = 0;
+        let mut is_set_meanwhile = false;
+        let (mut slowest_ppb, mut fastest_ppb) = (i32::MAX, i32::MIN);
+        for course in in_force.iter().take_while(|course| course.at <= now) {
+            slowest_ppb = slowest_ppb.min(course.frequency_ppb);
+            fastest_ppb = fastest_ppb.max(course.frequency_ppb);
+            match course.step {
+                Step::By(ns) if course.at > then => steps_ns += ns,
+                Step::Set if course.at > then => is_set_meanwhile = true,
+                _ => {}
+            }
+        }
+        let passed_ns = reading.utc.since(before.utc);
+        assert!(
+            passed_ns > 0 || steps_ns < 0,
+            "back or standing still at {}",
+            reading.utc
+        );
+        if is_set_meanwhile {
+            return;
+        }
+        let cycles = i128::from(now.since(then));
+        let nominal_ns = cycles * i128::from(SECOND) / i128::from(CORE_HZ);
+        let beside_ns = i128::from(passed_ns) - nominal_ns - i128::from(steps_ns);
+        let slew = i128::from(MAX_SLEW.0);
+        let slowest_ns = nominal_ns * (i128::from(slowest_ppb) - slew) / i128::from(SECOND);
+        let fastest_ns = nominal_ns * (i128::from(fastest_ppb) + slew) / i128::from(SECOND);
+        assert!(
+            (slowest_ns - 2..=fastest_ns + 2).contains(&beside_ns),
+            "at {} ns: {beside_ns} ns in {nominal_ns} ns, for {slowest_ns} to {fastest_ns}",
+            self.now_ns
+        );
+    }
+}
+
+fn moment(world_ns: i64) -> WorldNanos {
+    WorldNanos(u64::try_from(world_ns).expect("after the start"))
 }
 
 /// A good mark of `epoch`; its arrival is to be filled in.

@@ -1,14 +1,17 @@
-//! The clock under marks and calls that nobody would think of.
+//! The clock under marks, pulses and calls that nobody would think of.
 //!
-//! *Design.* Random marks (from good ones to fields of any value), silences,
-//! late timers and stamps of any age, in any order. The referee of `clock_board`
-//! demands that readings increase and the slew limit holds; here it is added
-//! that a stamp's answer never changes while it may be asked for.
+//! *Design.* Random marks (from good ones to fields of any value), spells of a
+//! receiver with a pulse, silences, late timers, stamps of any age and forecasts of
+//! anything, in any order. The referee of `clock_board` demands that readings increase
+//! and the slew limit holds; here it is added that a stamp's answer never changes
+//! while it may be asked for.
 
 use host_tests::clock_board::{Board, FRAME_NS, MS, SECOND, START, mark};
+use host_tests::clock_scene::Scene;
 use proptest::prelude::*;
-use timebase::{CORE_HZ, CivilTime, Cycles, TimeMark, Validity};
-use utc_clock::{Published, Settings, UtcClock, UtcNanos};
+use timebase::{CORE_HZ, CivilTime, Cycles, PulseForecast, PulseMark, TimeMark, Validity};
+use utc_clock::{Ppb, Published, Settings, UtcClock, UtcNanos};
+use world::Latency;
 
 #[derive(Clone, Debug)]
 enum Event {
@@ -16,8 +19,20 @@ enum Event {
     Pass { ns: i64 },
     /// A mark that is as good as they come, so late and off by so much.
     Good { late_ns: i64, off_ns: i64 },
+    /// So many seconds of a receiver whose time is off by so much, and its pulse.
+    Spell {
+        seconds: i64,
+        off_ns: i64,
+        pulse_off_ns: i64,
+    },
     /// A mark with any fields.
     Any(Box<TimeMark>),
+    /// A pulse at any time.
+    Pulse { edge: u64 },
+    /// A forecast of anything.
+    Forecast { arrival: u64, late_ps: i32 },
+    /// A timer that went off for no reason.
+    Timeout,
 }
 
 fn any_mark() -> impl Strategy<Value = TimeMark> {
@@ -64,19 +79,125 @@ fn any_mark() -> impl Strategy<Value = TimeMark> {
         )
 }
 
-fn event() -> impl Strategy<Value = Event> {
-    let off = prop_oneof![
+fn any_cycles() -> impl Strategy<Value = u64> {
+    prop_oneof![
+        0..100 * u64::from(CORE_HZ),
+        any::<u64>(),
+        Just(0),
+        Just(u64::MAX),
+    ]
+}
+
+fn any_ps() -> impl Strategy<Value = i32> {
+    prop_oneof![
+        -21_000..21_000_i32,
+        any::<i32>(),
+        Just(i32::MIN),
+        Just(i32::MAX)
+    ]
+}
+
+fn any_settings() -> impl Strategy<Value = Settings> {
+    (
+        any::<bool>(),
+        any::<u32>(),
+        any::<u32>(),
+        any::<i32>(),
+        any::<i32>(),
+    )
+        .prop_map(
+            |(require_confirmed, latency_ns, latency_doubt_ns, frequency, doubt)| Settings {
+                require_confirmed,
+                latency_ns,
+                latency_doubt_ns,
+                frequency: Ppb(frequency),
+                frequency_doubt: Ppb(doubt),
+            },
+        )
+}
+
+fn off() -> impl Strategy<Value = i64> {
+    prop_oneof![
         6 => Just(0),
         2 => -400 * MS..400 * MS,
         1 => -2 * SECOND..2 * SECOND,
         1 => Just(SECOND),
-    ];
+    ]
+}
+
+fn event() -> impl Strategy<Value = Event> {
+    let pulse_off = prop_oneof![4 => Just(0), 1 => -1_000_000..1_000_000_i64, 1 => off()];
     prop_oneof![
         3 => (0..300 * MS).prop_map(|ns| Event::Pass { ns }),
         1 => (0..40 * SECOND).prop_map(|ns| Event::Pass { ns }),
-        8 => (0..200 * MS, off).prop_map(|(late_ns, off_ns)| Event::Good { late_ns, off_ns }),
+        8 => (0..200 * MS, off()).prop_map(|(late_ns, off_ns)| Event::Good { late_ns, off_ns }),
+        2 => (1..12_i64, off(), pulse_off).prop_map(|(seconds, off_ns, pulse_off_ns)| {
+            Event::Spell { seconds, off_ns, pulse_off_ns }
+        }),
         1 => any_mark().prop_map(|mark| Event::Any(Box::new(mark))),
+        1 => any_cycles().prop_map(|edge| Event::Pulse { edge }),
+        1 => (any_cycles(), any_ps())
+            .prop_map(|(arrival, late_ps)| Event::Forecast { arrival, late_ps }),
+        1 => Just(Event::Timeout),
     ]
+}
+
+/// Hears whatever it is, and sees to it that a stamp that was taken and answered
+/// before it is answered in the same way after it, be it that the clock is set or steps.
+fn keeps_its_word(board: &mut Board<'_>, hear: impl FnOnce(&mut Board<'_>)) {
+    let now = board.cycles(board.now_ns);
+    let stamps = [0, 1, 100_000, 800_000].map(|age| Cycles(now.0.saturating_sub(age)));
+    let before = stamps.map(|when| board.line.reading_at(when));
+    hear(board);
+    let after = stamps.map(|when| board.line.reading_at(when));
+    assert_eq!(before, after);
+}
+
+fn live(board: &mut Board<'_>, event: Event) {
+    match event {
+        Event::Pass { ns } => board.pass_until(board.now_ns + ns),
+        Event::Good { late_ns, off_ns } => {
+            let epoch = UtcNanos(board.truth().0 + off_ns);
+            let arrival = board.cycles(board.now_ns + late_ns);
+            board.pass_until(board.now_ns + late_ns + FRAME_NS);
+            let heard = TimeMark {
+                arrival,
+                ..mark(epoch)
+            };
+            keeps_its_word(board, |board| {
+                board.handle(&heard);
+            });
+        }
+        Event::Spell {
+            seconds,
+            off_ns,
+            pulse_off_ns,
+        } => {
+            let first = board.now_ns / SECOND + 2;
+            for second in first..first + seconds {
+                board.hear_pulse(second * SECOND + pulse_off_ns);
+                for fifth in 0..5 {
+                    let now_ns = second * SECOND + fifth * 200 * MS;
+                    board.hear(UtcNanos(START.0 + now_ns + off_ns), now_ns + 40 * MS);
+                }
+            }
+        }
+        Event::Any(heard) => keeps_its_word(board, |board| {
+            board.handle(&heard);
+        }),
+        Event::Pulse { edge } => keeps_its_word(board, |board| {
+            let edge = Cycles(edge);
+            board.handle_pulse(&PulseMark { edge });
+        }),
+        Event::Forecast { arrival, late_ps } => board.clock.handle_forecast(&PulseForecast {
+            arrival: Cycles(arrival),
+            late_ps,
+        }),
+        Event::Timeout => {
+            let now = board.cycles(board.now_ns);
+            board.clock.handle_timeout(now);
+        }
+    }
 }
 
 proptest! {
@@ -89,68 +210,79 @@ proptest! {
     #[test]
     fn readings_increase_whatever_comes(
         events in prop::collection::vec(event(), 1..120),
-        crystal_ppb in -2_000_000..2_000_000_i64,
+        crystal_ppb in -2_000_000.0..2_000_000.0,
     ) {
         let line = Published::new();
         let mut board = Board::new(Settings::DEFAULT, crystal_ppb, &line);
         board.read_every_ns = 7 * MS;
+        // Marks that make no sense tell nothing about a crystal.
+        board.margin_ppb = f64::INFINITY;
         for event in events {
-            let heard = match event {
-                Event::Pass { ns } => {
-                    board.pass_until(board.now_ns + ns);
-                    continue;
-                }
-                Event::Good { late_ns, off_ns } => {
-                    let epoch = UtcNanos(board.truth().0 + off_ns);
-                    let arrival = board.cycles(board.now_ns + late_ns);
-                    board.pass_until(board.now_ns + late_ns);
-                    TimeMark { arrival, ..mark(epoch) }
-                }
-                Event::Any(heard) => *heard,
-            };
-            board.pass_until(board.now_ns + FRAME_NS);
-            // A stamp that was taken and answered before the mark is answered in
-            // the same way after it, be it that the mark sets or steps the clock.
-            let now = board.cycles(board.now_ns);
-            let stamps = [0, 1, 100_000, 800_000].map(|age| Cycles(now.0 - age));
-            let before = stamps.map(|when| board.line.reading_at(when));
-            let outcome = board.handle(&heard);
-            let after = stamps.map(|when| board.line.reading_at(when));
-            prop_assert_eq!(before, after, "{:?}", outcome);
+            live(&mut board, event);
         }
     }
 
     #[test]
-    fn no_mark_at_all_makes_it_panic(
-        marks in prop::collection::vec((any_mark(), any::<u64>()), 1..200),
+    fn nothing_at_all_makes_it_panic(
+        settings in any_settings(),
+        events in prop::collection::vec((event(), any_cycles()), 1..200),
     ) {
-        // Not even with a clock that jumps.
+        // Not even with a counter that jumps.
         let line = Published::new();
-        let mut clock = UtcClock::new(Settings::DEFAULT, &line);
-        for (mark, now) in marks {
-            clock.handle_mark(&mark, Cycles(now));
-            clock.handle_timeout(Cycles(now));
-            for when in [now, mark.arrival.0, 0, u64::MAX] {
+        let mut clock = UtcClock::new(settings, &line);
+        for (event, now) in events {
+            match event {
+                Event::Any(mark) => {
+                    clock.handle_mark(&mark, Cycles(now));
+                }
+                Event::Good { late_ns, off_ns } => {
+                    let arrival = Cycles(now.saturating_sub(late_ns.unsigned_abs()));
+                    let epoch = UtcNanos(START.0 + off_ns);
+                    clock.handle_mark(&TimeMark { arrival, ..mark(epoch) }, Cycles(now));
+                }
+                Event::Pulse { edge } => {
+                    clock.handle_pulse(&PulseMark { edge: Cycles(edge) }, Cycles(now));
+                }
+                Event::Forecast { arrival, late_ps } => {
+                    clock.handle_forecast(&PulseForecast { arrival: Cycles(arrival), late_ps });
+                    clock.handle_pulse(&PulseMark { edge: Cycles(now) }, Cycles(now));
+                }
+                _ => clock.handle_timeout(Cycles(now)),
+            }
+            for when in [now, now.wrapping_add(1 << 40), 0, u64::MAX] {
                 let reading = clock.model().reading_at(Cycles(when));
                 prop_assert!(!reading.utc.to_string().is_empty());
             }
         }
     }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 50,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
 
     #[test]
-    fn a_mark_that_is_late_drags_it_no_farther_than_the_slew_limit(
-        late_ms in proptest::collection::vec(0..450_i64, 1..50),
+    fn late_marks_are_ignored_by_construction(
+        seed in any::<u64>(),
+        late_ms in proptest::collection::vec(prop_oneof![Just(0), 0..450_i64], 1..400),
     ) {
         let line = Published::new();
-        let mut board = Board::new(Settings::DEFAULT, 0, &line);
-        board.hear(START, 0);
-        board.pass_lead();
-        for (number, late) in (1..).zip(late_ms) {
-            let before = board.error_ns();
-            let began = board.now_ns;
-            board.hear(UtcNanos(START.0 + number * 500 * MS), number * 500 * MS + late * MS);
-            let moved = (board.error_ns() - before).abs();
-            prop_assert!(moved <= (board.now_ns - began) / 2_000 + 2);
+        let mut play = Scene::new(Latency::m8(), seed).play(&line);
+        play.until(130 * SECOND);
+        let settled = play.board.clock.counters();
+        for late in late_ms {
+            play.next_late_by(late * MS);
+            // As far as two M8s may ever be apart without any.
+            let error_ns = play.floor_error_ns();
+            prop_assert!(error_ns.abs() <= MS, "{error_ns} ns");
         }
+        let counters = play.board.clock.counters();
+        prop_assert_eq!(
+            (settled.steps_forward, settled.steps_back),
+            (counters.steps_forward, counters.steps_back)
+        );
     }
 }

@@ -1,90 +1,117 @@
 //! The anchor: what a crystal cannot have done, the receiver did.
 //!
 //! *Purpose.* Tells a receiver whose time drifts away from a crystal that does, as far as that is
-//! possible without a pulse.
+//! possible without a pulse; and knows the frequency of the whole lock, for a holdover.
 //!
-//! *Design.* A slow memory of the floor: its frequency, averaged over minutes, and a line that runs
-//! with it and is drawn after the floor by no more than [`FOLLOW_PPB`]. A floor that leaves the line by more than floors
-//! wander, or whose frequency leaves the average by more than a crystal changes in that time, is
-//! not a crystal's. The average serves a holdover, too: it is better than the last
-//! frequency where the two agree.
+//! *Design.* A line that runs with the frequency of many minutes and is drawn after the floor by no
+//! more than [`FOLLOW_PPB`]. A floor that leaves it by more than floors wander is not a crystal's: its
+//! marks are refused. The line goes on being drawn, so that a receiver that has
+//! stopped drifting is heard again.
 //!
-//! *Limits.* It needs [`SETTLED_S`] of marks; before that it has no opinion. Within its reach
+//! Two floors of long ago are kept. The slope from the older one to the present floor is the
+//! frequency over 10 to 20 minutes: better than any that was learnt within a window, as long as the crystal
+//! was steady.
+//!
+//! *Limits.* It needs six minutes of marks; before that it has no opinion. Within its reach
 //! a receiver may drift as it likes.
 
 use crate::envelope::Floor;
 
-/// Marks for so long make an anchor, in s.
-const SETTLED_S: f32 = 300.0;
-/// The frequency is averaged over so long, in s: at 1 ppm a minute the average lags by 3.3 ppm.
-const AVERAGE_S: f32 = 200.0;
-/// How fast the line is drawn after the floor, at most, in ppb.
-const FOLLOW_PPB: f32 = 20_000.0;
+/// How fast the line is drawn after the floor, at most, in ppb: more than the many minutes lag behind
+/// a crystal that drifts by 1 ppm a minute.
+const FOLLOW_PPB: f32 = 40_000.0;
 /// How far the floor may be from the line, in ns: twice what the floors of real receivers wander.
 const REACH_NS: f32 = 20e6;
-/// How far the frequency may be from its average, in ppb.
-const REACH_PPB: f32 = 15_000.0;
-/// A mark's time is counted for so long at most, in s.
-const STEP_S: f32 = 2.0;
+
+/// The first floor that is kept has a frequency that is known so well, in ppb.
+const SETTLED_PPB: f32 = 1_000.0;
+/// From one kept floor to the next, in s.
+const KEPT_EVERY_S: f32 = 600.0;
+/// The shortest slope that is of use, in s.
+const LEAST_SLOPE_S: f32 = 200.0;
+/// The slope is as good as the last frequency if they are not farther apart, in ppb, beyond the doubt.
+const STEADY_PPB: f32 = 2_500.0;
+
+/// A floor: ns since boot by the board's counter, and UTC then, in ns.
+#[derive(Clone, Copy, Debug)]
+struct Kept {
+    local_ns: u64,
+    utc_ns: i64,
+}
+
+impl Kept {
+    fn elapsed_ns(&self, later: &Self) -> i64 {
+        later.local_ns.wrapping_sub(self.local_ns).cast_signed()
+    }
+
+    fn elapsed_s(&self, later: &Self) -> f32 {
+        self.elapsed_ns(later) as f32 * 1e-9
+    }
+}
 
 /// The slow memory of the floor.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Anchor {
-    /// The line: ns since boot by the board, UTC in ns.
-    at: Option<(u64, i64)>,
-    average_ppb: f32,
-    marks_s: f32,
+    line: Option<Kept>,
+    latest: Option<Kept>,
+    older: Option<Kept>,
+    newer: Option<Kept>,
 }
 
 impl Anchor {
     pub(crate) const fn new() -> Self {
         Self {
-            at: None,
-            average_ppb: 0.0,
-            marks_s: 0.0,
+            line: None,
+            latest: None,
+            older: None,
+            newer: None,
         }
     }
 
-    /// Whether the floor, which is at `utc_ns` when the board's counter is at `local_ns`, is a crystal's;
-    /// if it is, remembers it.
+    /// Whether the floor, which is at `utc_ns` when the board's counter is at `local_ns`, is a crystal's.
     pub(crate) fn reaches(&mut self, local_ns: u64, utc_ns: i64, floor: &Floor) -> bool {
-        let Some((then_ns, then_utc_ns)) = self.at else {
-            self.at = Some((local_ns, utc_ns));
-            self.average_ppb = floor.fast_ppb;
+        let now = Kept { local_ns, utc_ns };
+        self.keep(now, floor);
+        let (Some(line), Some(slow_ppb)) = (self.line, floor.slow_ppb) else {
+            self.line = Some(now);
             return true;
         };
-        let passed_ns = local_ns.wrapping_sub(then_ns).cast_signed();
-        let passed_s = passed_ns as f32 * 1e-9;
-        let rise_ns = self.average_ppb * passed_s;
-        let line_utc_ns = then_utc_ns
+        let passed_ns = line.elapsed_ns(&now);
+        let passed_s = line.elapsed_s(&now);
+        let line_utc_ns = line
+            .utc_ns
             .saturating_add(passed_ns)
-            .saturating_sub(rise_ns as i64);
-        let off_ns = utc_ns.saturating_sub(line_utc_ns) as f32;
-        if self.marks_s >= SETTLED_S {
-            let off_ppb = floor.fast_ppb - self.average_ppb;
-            if off_ns.abs() > REACH_NS
-                || off_ppb.abs() > REACH_PPB + 2.0 * floor.frequency_doubt_ppb
-            {
-                return false;
-            }
-        }
-        let step_s = passed_s.clamp(0.0, STEP_S);
-        self.marks_s += step_s;
-        let most_ns = if self.marks_s >= SETTLED_S {
-            FOLLOW_PPB * step_s
-        } else {
-            f32::MAX
-        };
-        let follow_ns = off_ns.clamp(-most_ns, most_ns) as i64;
-        self.at = Some((local_ns, line_utc_ns.saturating_add(follow_ns)));
-        let over_s = self.marks_s.clamp(STEP_S, AVERAGE_S);
-        self.average_ppb += (floor.fast_ppb - self.average_ppb) * (step_s / over_s);
-        true
+            .saturating_sub((slow_ppb * passed_s) as i64);
+        let off_ns = utc_ns.saturating_sub(line_utc_ns);
+        let most_ns = (FOLLOW_PPB * passed_s.max(0.0)) as i64;
+        self.line = Some(Kept {
+            local_ns,
+            utc_ns: line_utc_ns.saturating_add(off_ns.clamp(-most_ns, most_ns)),
+        });
+        (off_ns as f32).abs() <= REACH_NS
     }
 
-    /// The average, if there has been enough to average, and the crystal was as steady as `fast_ppb` can tell.
+    fn keep(&mut self, now: Kept, floor: &Floor) {
+        self.latest = Some(now);
+        let newest = self.newer.or(self.older);
+        let is_due = match newest {
+            Some(newest) => newest.elapsed_s(&now) > KEPT_EVERY_S,
+            None => floor.frequency_doubt_ppb < SETTLED_PPB,
+        };
+        if is_due {
+            self.older = newest.or(Some(now));
+            self.newer = newest.map(|_| now);
+        }
+    }
+
+    /// The frequency of the whole lock, in ppb, if the crystal was as steady as `fast_ppb` can tell.
     pub(crate) fn steady_ppb(&self, fast_ppb: f32, doubt_ppb: f32) -> Option<f32> {
-        let is_steady = (fast_ppb - self.average_ppb).abs() <= doubt_ppb + 500.0;
-        (self.marks_s >= AVERAGE_S && is_steady).then_some(self.average_ppb)
+        let (older, latest) = (self.older?, self.latest?);
+        let passed_s = older.elapsed_s(&latest);
+        let passed_ns = older.elapsed_ns(&latest);
+        let told_ns = latest.utc_ns.saturating_sub(older.utc_ns);
+        let slope_ppb = passed_ns.saturating_sub(told_ns) as f32 / passed_s;
+        let is_steady = (fast_ppb - slope_ppb).abs() <= doubt_ppb + STEADY_PPB;
+        (passed_s >= LEAST_SLOPE_S && is_steady).then_some(slope_ppb)
     }
 }

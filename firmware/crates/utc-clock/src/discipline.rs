@@ -255,7 +255,8 @@ impl Discipline {
         }
     }
 
-    /// Hears an edge of the pulse, `late_ns` after the second that it stands for by the receiver's own word.
+    /// Hears an edge of the pulse, which comes `late_ns` after the second that it stands for, by the
+    /// receiver's own word.
     pub fn hear_pulse(&mut self, heard: &Observation, late_ns: i32) -> Correction {
         let at_ns = heard.at.as_nanos().saturating_add_signed((-late_ns).into());
         let Some((told_at_ns, floor_utc_ns)) = self.told else {
@@ -290,7 +291,7 @@ impl Discipline {
                 self.fast_doubt_ppb = line.frequency_doubt_ppb;
                 let error_ns = line
                     .utc_ns
-                    .saturating_sub(late_ns.into())
+                    .saturating_add(late_ns.into())
                     .saturating_sub(heard.published.0);
                 let course = Course {
                     latency_doubt_ns: 0,

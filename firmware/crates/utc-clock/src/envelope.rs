@@ -68,7 +68,7 @@ const WINDOW_CUBED_DENSITY: f32 = 0.15;
 const LONG_BIN_US: u32 = 7_500_000;
 const LONG_BINS: usize = 64;
 /// The second ring is asked when it is so full: 6 minutes.
-const LONG_ENOUGH: usize = 48;
+pub const LONG_ENOUGH: usize = 48;
 /// The long line's opinions that the slow frequency averages at most: 50 minutes of a full ring.
 const SLOW_WEIGHTS: f32 = 400.0;
 /// How sure it has to be that a floor wanders: by so many standard deviations of a
@@ -82,11 +82,19 @@ pub(crate) const DRIFT_PPB_PER_S: f32 = 1_000.0 / 60.0;
 const FREQUENCY_WALK: f32 = 80.0 * 80.0;
 /// Windows overlap from bin to bin; a slope is worth this part of a window's second.
 const SLOPE_WORTH_S: f32 = 100.0;
+const FIRST_SLOPE_WORTH_S: f32 = 8.0;
 
 /// A slope that would move the floor by more over the window is no wander, in ns: within
 /// the first [`YOUNG_S`] it says that the crystal is farther off than anybody thought.
 const BEYOND_WANDER_NS: f32 = 20e6;
 const YOUNG_S: f32 = 120.0;
+/// Before that, a slope is mostly chance, in s.
+const FIRST_SLOPES_S: f32 = 8.0;
+
+/// Bins over which the edge's sharpness is averaged.
+const SHARPNESS_OVER: f32 = 30.0;
+/// What an edge has that counts as sharp: half a bell's lowest marks are not quite even.
+const SHARP: f32 = 0.965;
 
 /// Lowest points that the density is read from.
 const LOWEST: usize = 9;
@@ -111,6 +119,8 @@ pub struct Floor {
     pub doubt_ns: f32,
     /// How far the frequency may be off, in ppb.
     pub frequency_doubt_ppb: f32,
+    /// The frequency as many minutes have it, in ppb, after the first [`LONG_ENOUGH`] long bins.
+    pub slow_ppb: Option<f32>,
 }
 
 /// What became of a mark.
@@ -203,8 +213,9 @@ pub struct Envelope {
     window_s: f32,
     /// The scale of what the lowest point of the window is above the floor, in ns.
     edge_ns: f32,
-    /// 0 for a sharp edge, ½ for one whose density begins at 0.
-    softness: f32,
+    /// How the lowest of n marks comes nearer to the floor: as n to the power of minus this, averaged. 1 for
+    /// a sharp edge, ½ for one whose density begins at 0.
+    sharpness: f32,
     variance: f32,
     slow_ppb: f32,
     slow_weight: f32,
@@ -243,7 +254,7 @@ impl Envelope {
             wants_wander: false,
             window_s: WINDOW_S.0,
             edge_ns: 30e6,
-            softness: 0.0,
+            sharpness: 1.0,
             variance: doubt_ppb * doubt_ppb,
             slow_ppb: fast_ppb,
             slow_weight: 0.0,
@@ -272,7 +283,7 @@ impl Envelope {
         }
         self.age_s = elapsed_s(at_us, self.started_us);
         let excess_ns = self.line.excess_ns(point);
-        if excess_ns > TOO_LATE_NS {
+        if excess_ns > TOO_LATE_NS && !self.is_young() {
             return Heard::Late;
         }
         if excess_ns < TOO_EARLY_NS && !self.is_young() {
@@ -308,6 +319,7 @@ impl Envelope {
             fast_ppb: self.line.fast_ppb,
             doubt_ns: self.doubt_ns(),
             frequency_doubt_ppb: libm::sqrtf(self.variance),
+            slow_ppb: (self.slow_weight > 0.0).then_some(self.slow_ppb),
         }
     }
 
@@ -465,11 +477,18 @@ impl Envelope {
         let span_s = self.span_s();
         // Two lowest of half a window each: twice the scale of a whole one.
         let slope_doubt = 2.0 * core::f32::consts::SQRT_2 * self.edge_ns / apart_s;
-        let worth = (span_s / SLOPE_WORTH_S).max(1.0);
+        // The same points are asked again and again until the first window is full.
+        let worth_s = if self.is_young() {
+            FIRST_SLOPE_WORTH_S
+        } else {
+            SLOPE_WORTH_S
+        };
+        let worth = (span_s / worth_s).max(1.0);
         self.variance += FREQUENCY_WALK * 2.0;
         // Judged by the density inside of bins, which a slope does not blur.
         let chance_ns = 5.0 * 2.0 * core::f32::consts::SQRT_2 * self.gap_ns * 1.4 / span_s;
-        if self.is_young() && slope_ppb.abs() * apart_s > BEYOND_WANDER_NS + chance_ns {
+        let may_be_far_off = self.is_young() && self.age_s > FIRST_SLOPES_S;
+        if may_be_far_off && slope_ppb.abs() * apart_s > BEYOND_WANDER_NS + chance_ns {
             self.line.fast_ppb += slope_ppb;
             self.variance = slope_ppb * slope_ppb / 4.0;
             return;
@@ -505,9 +524,11 @@ impl Envelope {
             }
         }
         self.edge_ns = lowest.spacing_ns().max(self.gap_ns * 1.4 / span_s.max(2.0));
-        let sharpness = libm::log2f((self.gap_ns * 1.4 / self.edge_ns).max(1.0))
-            / libm::log2f((span_s / 2.0).max(2.0));
-        self.softness = (1.0 - sharpness).clamp(0.0, 0.5);
+        if span_s > 8.0 {
+            let sharpness = libm::log2f((self.gap_ns * 1.4 / self.edge_ns).max(1.0))
+                / libm::log2f(span_s / 2.0);
+            self.sharpness += (sharpness - self.sharpness) / SHARPNESS_OVER;
+        }
         let cubed_density = self.window_s * self.window_s * self.window_s
             / (self.edge_ns * span_s.max(10.0)).max(1.0);
         if self.age_s > 30.0 {
@@ -595,9 +616,10 @@ impl Envelope {
     /// How far the line may be from the floor, in ns.
     fn doubt_ns(&self) -> f32 {
         let span_s = self.span_s();
-        let bend_ns = DRIFT_PPB_PER_S * span_s * span_s / 8.0;
-        let tilt_ns = 0.7 * libm::sqrtf(self.variance) * span_s;
-        (3.7 + 8.0 * self.softness) * self.edge_ns + bend_ns + tilt_ns + 2.0 * self.wander_ns
+        let bend_ns = DRIFT_PPB_PER_S * span_s * span_s / 14.0;
+        let softness = (SHARP - self.sharpness).clamp(0.0, 0.5);
+        let tilt_ns = 0.4 * libm::sqrtf(self.variance) * span_s;
+        (4.0 + 36.0 * softness) * self.edge_ns + bend_ns + tilt_ns + 2.0 * self.wander_ns
     }
 }
 

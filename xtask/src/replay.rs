@@ -1,19 +1,26 @@
 //! `replay`: a recording of a receiver through the very crates of the firmware.
 //!
-//! *Purpose.* What the clock would have made of it, without a board: each NAV-PVT
-//! and what became of it, then everything that was counted.
+//! *Purpose.* What the clock would have made of it, without a board. Of a recording's
+//! bytes (UBX): each NAV-PVT and what became of it, then everything that was
+//! counted. Of arrivals that a board logged (CSV): see [`trace`].
 //!
-//! *Design.* The recording plays as in `sim --ubx`: what stands up to each NAV-PVT
-//! leaves together at 115200 baud, spaced by its time of week. Bytes are stamped
-//! by a perfect crystal as their last bit comes in.
+//! *Design.* The file's content says which it is. A recording plays as in
+//! `sim --ubx`: what stands up to each NAV-PVT leaves together at 115200 baud, spaced
+//! by its time of week. Bytes are stamped by a perfect crystal as their last bit
+//! comes in.
 //!
-//! *Limits.* A CSV of arrivals is not read yet.
+//! *Limits.* A recording of bytes has no arrival times of its own: how late they
+//! were is not in it.
+
+mod plot;
+mod trace;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use comparison::trace::{HEADER, Trace};
 use serde_json::json;
 use timebase::{Cycles, StampedByte};
 use ubx_link::{Event, Link};
@@ -23,9 +30,13 @@ use world::{Recording, Talker};
 /// What a replay can be asked for.
 #[derive(Args)]
 pub struct Options {
-    /// The recording: UBX, with whatever else was on the line
+    /// The recording: UBX, with whatever else was on the line, or a CSV of arrivals
+    /// with the header `local_us,gps_utc_us`
     #[arg(value_name = "FILE")]
     file: PathBuf,
+    /// Of a CSV: where the picture goes; otherwise into target/replay/
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
     /// Print one JSON object instead of lines for people
     #[arg(long)]
     json: bool,
@@ -35,13 +46,22 @@ pub struct Options {
 ///
 /// # Errors
 ///
-/// When it cannot be read or has no NAV-PVT.
+/// When it cannot be read, or is neither of the two.
 pub fn run(options: &Options) -> Result<ExitCode> {
     let path = options.file.display();
     let bytes = std::fs::read(&options.file).with_context(|| format!("cannot read {path}"))?;
+    if Trace::is_one(&bytes) {
+        return trace::run(options, &bytes);
+    }
+    if options.svg.is_some() {
+        bail!("{path}: a picture is made of a CSV of arrivals only");
+    }
     let mut recording = match Recording::new(&bytes) {
         Ok(recording) => recording,
-        Err(none) => bail!("{path}: {none}; a recording of a u-blox receiver is wanted"),
+        Err(none) => bail!(
+            "{path}: {none}; a recording of a u-blox receiver is wanted, or a CSV of \
+             arrivals with the header `{HEADER}`"
+        ),
     };
     let line = Published::new();
     let mut clock = UtcClock::new(Settings::DEFAULT, &line);
@@ -106,6 +126,7 @@ fn told(outcome: &Outcome) -> String {
         Outcome::Set => "sets the clock".to_owned(),
         Outcome::Slewed { error_ns } => format!("slews: the clock is {error_ns} ns behind"),
         Outcome::Stepped { by_ns } => format!("steps by {by_ns} ns"),
+        Outcome::Confirmed => "agrees with the pulse".to_owned(),
         Outcome::Refused(refusal) => format!("refused: {refusal:?}"),
     }
 }

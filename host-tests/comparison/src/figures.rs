@@ -46,7 +46,7 @@ pub struct Figures {
     pub coverage_utc: f64,
     /// The mean uncertainty over the mean error.
     pub width: f64,
-    /// How far the rates of whole minutes were off, in ppb.
+    /// How far the rates of whole minutes were off, in 10⁻¹².
     pub rates: Option<Spread>,
     /// By how much the difference changed from a loss to the window, in ns.
     pub grown: Option<Spread>,
@@ -102,6 +102,12 @@ impl Figures {
             fouls: own.fouls,
             first_foul: own.first_foul,
         })
+    }
+
+    /// For how long its boards lived, in s.
+    #[must_use]
+    pub const fn lived_s(&self) -> u64 {
+        2 * self.trials as u64 * self.case.end_s()
     }
 
     /// Ours.

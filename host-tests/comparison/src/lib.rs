@@ -21,5 +21,7 @@ pub mod case;
 pub mod events;
 pub mod figures;
 pub mod report;
+pub mod smooth;
 pub mod spread;
+pub mod trace;
 pub mod trial;

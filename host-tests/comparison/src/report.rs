@@ -64,24 +64,16 @@ pub fn text(figures: &Figures) -> String {
         three(figures.width)
     );
     if let Some(rates) = figures.rates {
-        let (unit, size) = if rates.p99 < 1_000 {
-            ("ppb", 1.0)
+        let (unit, size) = if rates.p99 < 1_000_000 {
+            ("ppb", 1e3)
         } else {
-            ("ppm", 1e3)
+            ("ppm", 1e6)
         };
         let mean = three(rates.mean / size);
         let p99 = three(f64::from(rates.p99) / size);
         let _ = write!(own, "; rate: mean {mean}, p99 {p99} {unit}");
     }
     line(&mut out, format_args!("{own}"));
-    if let Some(grown) = figures.grown {
-        let p95 = in_unit(f64::from(grown.p95), unit);
-        let max = in_unit(f64::from(grown.max), unit);
-        line(
-            &mut out,
-            format_args!("since the loss the difference has changed by: p95 {p95}, max {max}"),
-        );
-    }
     for verdict in judge(figures) {
         line(&mut out, format_args!("{}", told(&verdict, unit)));
     }
@@ -124,7 +116,7 @@ pub fn value(figures: &Figures) -> Value {
         "contestants": rows, "bounds": bounds,
         "floors_mean_ns": figures.floors.mean, "floors_p99_ns": figures.floors.p99,
         "coverage": figures.coverage, "width": figures.width,
-        "rate_p99_ppb": figures.rates.map(|rates| rates.p99),
+        "rate_p99_ppt": figures.rates.map(|rates| rates.p99),
         "grown_p95_ns": figures.grown.map(|grown| grown.p95),
     })
 }
@@ -156,9 +148,13 @@ fn contestant(row: &Row, unit: Unit) -> String {
 pub fn told(verdict: &Verdict, unit: Unit) -> String {
     let quantity = verdict.bound.quantity;
     let value = |value: f64| match quantity {
-        Quantity::Mean | Quantity::P95 | Quantity::P99 | Quantity::Max | Quantity::WorstMean => {
-            format!("{} {}", in_unit(value, unit), unit.name())
-        }
+        Quantity::Mean
+        | Quantity::P95
+        | Quantity::P99
+        | Quantity::Max
+        | Quantity::WorstMean
+        | Quantity::GrownP95
+        | Quantity::GrownMax => format!("{} {}", in_unit(value, unit), unit.name()),
         Quantity::Rate if value >= 1_000.0 => format!("{} ppm", three(value / 1e3)),
         Quantity::Rate => format!("{} ppb", three(value)),
         Quantity::ConvergedBy(_) | Quantity::Coverage | Quantity::CoverageUtc => {
@@ -186,6 +182,8 @@ pub fn named(quantity: Quantity) -> String {
         Quantity::P99 => "p99",
         Quantity::Max => "max",
         Quantity::WorstMean => "worst trial's mean",
+        Quantity::GrownP95 => "p95 of the change since the loss",
+        Quantity::GrownMax => "max of the change since the loss",
         Quantity::Rate => "p99 of a minute's rate",
         Quantity::MeanOverOthers => "mean over the others' best",
         Quantity::P99OverOthers => "p99 over the others' best",

@@ -60,7 +60,7 @@ pub struct Own {
     /// How many of the errors against UTC they held, with the doubt about an
     /// unknown latency added.
     pub covered_utc: u64,
-    /// How far each minute's rate in the window was off, in ppb.
+    /// How far each minute's rate in the window was off, in 10⁻¹².
     pub rates: Vec<u32>,
     /// What the difference did from the moment of a loss to the window, in ns.
     pub grown: Option<u32>,
@@ -159,9 +159,14 @@ impl BoardWorld {
     }
 
     fn settings(&self, case: &Case) -> Settings {
+        // Under the pulse nothing depends on the receiver's latency. Without it, the
+        // clock's own part of the uncertainty is what is measured.
+        let latency_doubt_ns = match case.pulse {
+            Some(_) => Settings::DEFAULT.latency_doubt_ns,
+            None => 0,
+        };
         let unknown = Settings {
-            // Its own part of the uncertainty is what is measured.
-            latency_doubt_ns: 0,
+            latency_doubt_ns,
             ..Settings::DEFAULT
         };
         if case.stored {
@@ -304,7 +309,7 @@ impl Own {
             {
                 // Moments stand anywhere in their 100 ms: good to 0.2 % of a minute.
                 let minute = RATE_OVER as f64 * ASKED_EVERY_NS as f64;
-                let rate = (after - before) as f64 / minute * 1e9;
+                let rate = (after - before) as f64 / minute * 1e12;
                 self.rates.push(rate.abs().round() as u32);
             }
         }

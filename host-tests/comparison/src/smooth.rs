@@ -1,0 +1,137 @@
+//! The best smooth line through a trace of arrivals.
+//!
+//! *Purpose.* Where nobody knows the true time: the line that everybody's published
+//! time is held against.
+//!
+//! *Design.* A message can be late but never early, and a crystal bends slowly. So
+//! the line goes through the least late arrival of each [`BIN_S`], by LOESS
+//! (Cleveland, "Robust locally weighted regression", 1979): a straight line at each
+//! place, weighted by nearness within [`REACH_S`], and twice more with less weight
+//! for what lies off. It knows the future, which no clock does, and no contestant's
+//! opinion.
+//!
+//! *Limits.* A floor that wanders more slowly than its reach bends it, too. At the
+//! ends it rests on half as much.
+
+use crate::spread::quantile;
+
+/// One arrival counts in so many s.
+pub const BIN_S: f64 = 10.0;
+/// Arrivals farther away than this do not count: longer than stalls and jitter, and
+/// shorter than what 1 ppm/min bends by more than a few ms.
+pub const REACH_S: f64 = 120.0;
+/// Residuals of more than so many medians do not count at all.
+const OUTLYING: f64 = 6.0;
+
+/// A smooth line, of time in s.
+#[derive(Clone, Debug)]
+pub struct Smooth {
+    /// (time, value, robust weight).
+    points: Vec<(f64, f64, f64)>,
+}
+
+impl Smooth {
+    /// The line over the largest of each bin of `values`, (time in s, value) in the
+    /// order of their time.
+    #[must_use]
+    pub fn over(values: &[(f64, f64)]) -> Self {
+        let mut points: Vec<(f64, f64, f64)> = Vec::new();
+        let bin = |t: f64| (t / BIN_S).floor();
+        for &(t, value) in values {
+            match points.last_mut() {
+                Some(last) if bin(last.0) == bin(t) => {
+                    if value > last.1 {
+                        *last = (t, value, 1.0);
+                    }
+                }
+                _ => points.push((t, value, 1.0)),
+            }
+        }
+        let mut line = Self { points };
+        line.weigh();
+        line.weigh();
+        line
+    }
+
+    /// Its value at `t`; 0 for a line through nothing.
+    #[must_use]
+    pub fn at(&self, t: f64) -> f64 {
+        let near = |reach: f64| {
+            self.points.iter().filter_map(move |&(at, value, robust)| {
+                let distance = ((at - t) / reach).abs();
+                let weight = robust * (1.0 - distance.min(1.0).powi(3)).powi(3);
+                (weight > 0.0).then_some((at - t, value, weight))
+            })
+        };
+        // A pause longer than the reach is bridged from its ends.
+        let reach = [1.0, 4.0, 16.0, 1e9].map(|factor| factor * REACH_S);
+        let enough = reach.into_iter().find(|&reach| near(reach).count() >= 2);
+        let (mut w, mut x, mut y, mut xx, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for (at, value, weight) in near(enough.unwrap_or(f64::MAX)) {
+            w += weight;
+            x += weight * at;
+            y += weight * value;
+            xx += weight * at * at;
+            xy += weight * at * value;
+        }
+        let determinant = w * xx - x * x;
+        if determinant > 1e-9 * w * xx {
+            (xx * y - x * xy) / determinant
+        } else if w > 0.0 {
+            y / w
+        } else {
+            0.0
+        }
+    }
+
+    fn weigh(&mut self) {
+        let off: Vec<f64> = self
+            .points
+            .iter()
+            .map(|&(t, value, _)| (value - self.at(t)).abs())
+            .collect();
+        let mut sorted = off.clone();
+        sorted.sort_by(f64::total_cmp);
+        let Some(median) = quantile(&sorted, 0.5).filter(|median| *median > 0.0) else {
+            return;
+        };
+        for (point, off) in self.points.iter_mut().zip(off) {
+            let outlying = (off / (OUTLYING * median)).min(1.0);
+            point.2 = (1.0 - outlying * outlying).powi(2);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 5 Hz for 300 s along a line of 40 a second.
+    fn along(late: impl Fn(usize) -> f64) -> Vec<(f64, f64)> {
+        (0..1_500)
+            .map(|i| (i as f64 / 5.0, 40.0 * i as f64 / 5.0 - late(i)))
+            .collect()
+    }
+
+    #[test]
+    fn it_follows_the_least_late_and_no_stall() {
+        // Late by 0 to 30 000; for 25 s by a million.
+        let line = Smooth::over(&along(|i| {
+            let jitter = (i * 7_919 % 50) as f64 * 600.0;
+            let stalled = (750..875).contains(&i);
+            jitter + if stalled { 1e6 } else { 0.0 }
+        }));
+        for t in [0.0, 60.0, 150.0, 165.0, 299.0] {
+            let off = line.at(t) - 40.0 * t;
+            assert!(off.abs() < 200.0, "{off} at {t}");
+        }
+    }
+
+    #[test]
+    fn few_points_and_long_pauses_are_bridged() {
+        assert!(Smooth::over(&[]).at(3.0).abs() < 1e-9);
+        assert!((Smooth::over(&[(0.0, 7.0)]).at(3.0) - 7.0).abs() < 1e-9);
+        let two = Smooth::over(&[(0.0, 0.0), (1_000.0, 1_000.0)]);
+        assert!((two.at(500.0) - 500.0).abs() < 1e-6);
+    }
+}

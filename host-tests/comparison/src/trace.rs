@@ -1,0 +1,279 @@
+//! A trace of arrivals that a real board logged, through every clock.
+//!
+//! *Purpose.* What each would have published, and how far that strays from the best
+//! [smooth line](crate::smooth).
+//!
+//! *Design.* A trace is CSV with the header [`HEADER`], a row a message. Clocks are
+//! asked every 100 ms of the board's own time, from the first arrival to the last.
+//! What a clock is behind the line all the time is its latency, which equal boards
+//! have in common: the spread is what is left when the median is taken off.
+//!
+//! *Limits.* Nobody knows the true time. Messages count as handled when they
+//! arrived. A trace from before the earliest date that our clock believes is lifted
+//! by whole days.
+
+use std::fmt;
+
+use timebase::Cycles;
+use utc_clock::gate::EARLIEST;
+use utc_clock::{ClockState, Published, Settings};
+use world::others;
+
+use crate::board::{Board, nominal_ns};
+use crate::smooth::Smooth;
+use crate::spread::{Spread, quantile};
+
+/// The first line of a trace: the board's own time of an arrival and the UTC since
+/// 1970 that the message told, both in µs.
+pub const HEADER: &str = "local_us,gps_utc_us";
+
+/// Clocks are asked once in so many ns.
+const ASKED_EVERY_NS: i64 = 100_000_000;
+/// The board's time of the first arrival, in ns.
+const BEGIN_NS: i64 = 1_000_000_000;
+const DAY_NS: i64 = 86_400_000_000_000;
+/// Ten years' worth: what an old trace is lifted by, in days, as often as needed.
+const LIFT_DAYS: i64 = 3_653;
+
+/// What is wrong with a trace.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum TraceError {
+    /// The first line is not [`HEADER`].
+    Header,
+    /// This line, counted from 1, is not two whole numbers of µs.
+    Row(usize),
+    /// In this line the board's time goes back.
+    Back(usize),
+    /// There are fewer than two rows.
+    Short,
+}
+
+impl fmt::Display for TraceError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Header => write!(f, "the first line is not `{HEADER}`"),
+            Self::Row(line) => write!(f, "line {line} is not two whole numbers of us"),
+            Self::Back(line) => write!(f, "local_us goes back in line {line}"),
+            Self::Short => f.write_str("a trace has at least two rows"),
+        }
+    }
+}
+
+impl std::error::Error for TraceError {}
+
+/// A message's arrival, in ns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Row {
+    /// By the board's own time, the first at 1 s.
+    pub arrival: i64,
+    /// The UTC that it told, since 1970.
+    pub utc: i64,
+}
+
+/// A trace.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Trace {
+    /// The arrivals in their order.
+    pub rows: Vec<Row>,
+    /// It was lifted by so many days.
+    pub lifted_days: i64,
+}
+
+impl Trace {
+    /// Whether a file's content looks like a trace, good or bad.
+    #[must_use]
+    pub fn is_one(content: &[u8]) -> bool {
+        content.starts_with(b"local_us,")
+    }
+
+    /// Reads one.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong with it, and in which line.
+    pub fn parse(text: &str) -> Result<Self, TraceError> {
+        let mut lines = text.lines();
+        if lines.next().map(str::trim) != Some(HEADER) {
+            return Err(TraceError::Header);
+        }
+        let mut rows: Vec<Row> = Vec::new();
+        let mut first = None;
+        for (number, line) in (2..).zip(lines) {
+            let ns = |us: &str| us.trim().parse::<i64>().ok()?.checked_mul(1_000);
+            let pair = line.split_once(',');
+            let row = pair.and_then(|(local, utc)| Some((ns(local)?, ns(utc)?)));
+            let (local, utc) = row.ok_or(TraceError::Row(number))?;
+            let since = local.checked_sub(*first.get_or_insert(local));
+            let arrival = since.and_then(|since| since.checked_add(BEGIN_NS));
+            let arrival = arrival.ok_or(TraceError::Row(number))?;
+            if rows.last().is_some_and(|last| arrival < last.arrival) {
+                return Err(TraceError::Back(number));
+            }
+            rows.push(Row { arrival, utc });
+        }
+        if rows.len() < 2 {
+            return Err(TraceError::Short);
+        }
+        let earliest = rows.iter().map(|row| row.utc).min().unwrap_or(EARLIEST.0);
+        let lift = LIFT_DAYS * DAY_NS;
+        let times = (EARLIEST.0.saturating_sub(earliest).max(0) as u64).div_ceil(lift as u64);
+        let lifted_days = times as i64 * LIFT_DAYS;
+        for row in &mut rows {
+            row.utc += lifted_days * DAY_NS;
+        }
+        Ok(Self { rows, lifted_days })
+    }
+
+    /// Puts it through every clock.
+    #[must_use]
+    pub fn replay(&self) -> Replayed {
+        let (first, last) = (self.rows[0], self.rows[self.rows.len() - 1]);
+        // All that follows is told from the first row on, so that it fits an f64.
+        let offset = |local: i64, utc: i64| (utc - first.utc) - (local - first.arrival);
+        let seconds = |local: i64| (local - first.arrival) as f64 * 1e-9;
+        let told: Vec<(f64, f64)> = self
+            .rows
+            .iter()
+            .map(|row| (seconds(row.arrival), offset(row.arrival, row.utc) as f64))
+            .collect();
+        let smooth = Smooth::over(&told);
+        let off = |local: i64, utc: i64| {
+            (offset(local, utc) as f64 - smooth.at(seconds(local))).round() as i64
+        };
+
+        let line = Published::new();
+        let mut board = Board::new(Settings::DEFAULT, &line);
+        let mut rivals: Vec<_> = others::ALL.iter().map(|(_, make)| make()).collect();
+        let mut tracks = vec![Vec::new(); 1 + rivals.len()];
+        let mut at = Vec::new();
+        let mut rows = self.rows.iter().peekable();
+        let cycles = |ns: i64| Cycles::from_nanos(ns.max(0).cast_unsigned());
+        let mut now = first.arrival;
+        while now <= last.arrival {
+            while let Some(row) = rows.next_if(|row| row.arrival <= now) {
+                let arrival = cycles(row.arrival);
+                board.hear(arrival, row.utc, arrival);
+                for rival in &mut rivals {
+                    rival.hear(row.arrival, row.utc);
+                }
+            }
+            let stamp = cycles(now);
+            let reading = board.read(stamp, nominal_ns(stamp));
+            let set = reading.state != ClockState::Unset;
+            tracks[0].push(set.then(|| off(now, reading.utc.0)));
+            for (rival, track) in rivals.iter().zip(&mut tracks[1..]) {
+                track.push(rival.utc_ns(now).map(|utc| off(now, utc)));
+            }
+            at.push(now);
+            now += ASKED_EVERY_NS;
+        }
+        let names = ["ours"]
+            .into_iter()
+            .chain(others::ALL.map(|(name, _)| name));
+        let arrivals = self
+            .rows
+            .iter()
+            .map(|row| (row.arrival, off(row.arrival, row.utc)));
+        Replayed {
+            at,
+            tracks: names
+                .zip(tracks)
+                .map(|(name, ahead)| Track { name, ahead })
+                .collect(),
+            arrivals: arrivals.collect(),
+            counters: board.clock().counters(),
+            fouls: board.fouls().1,
+        }
+    }
+}
+
+/// What a clock published.
+#[derive(Clone, Debug)]
+pub struct Track {
+    /// The clock.
+    pub name: &'static str,
+    /// How far ahead of the smooth line it was at each moment, in ns; none as long as
+    /// it was unset.
+    pub ahead: Vec<Option<i64>>,
+}
+
+impl Track {
+    /// How far it was ahead as a rule (the median), in ns, and how it spread about
+    /// that; none if it was never set.
+    #[must_use]
+    pub fn spread(&self) -> Option<(i64, Spread)> {
+        let mut ahead: Vec<i64> = self.ahead.iter().flatten().copied().collect();
+        ahead.sort_unstable();
+        let median = quantile(&ahead, 0.5)?;
+        let about = ahead.iter().map(|ahead| {
+            let size = ahead.abs_diff(median);
+            u32::try_from(size).unwrap_or(u32::MAX)
+        });
+        Some((median, Spread::of(about.collect())?))
+    }
+}
+
+/// What became of a trace.
+#[derive(Clone, Debug)]
+pub struct Replayed {
+    /// The moments at which the clocks were asked: the board's own time, in ns.
+    pub at: Vec<i64>,
+    /// Ours first, then the others.
+    pub tracks: Vec<Track>,
+    /// Each arrival and how far ahead of the line its message was, in ns.
+    pub arrivals: Vec<(i64, i64)>,
+    /// What ours counted.
+    pub counters: utc_clock::Counters,
+    /// The first reading of ours that broke the referee's rules.
+    pub fouls: Option<String>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(rows: &str) -> Result<Trace, TraceError> {
+        Trace::parse(&format!("{HEADER}\n{rows}"))
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_its_line() {
+        assert_eq!(Trace::parse(""), Err(TraceError::Header));
+        assert_eq!(
+            Trace::parse("local_us,remote_us\n1,2"),
+            Err(TraceError::Header)
+        );
+        assert_eq!(parse(""), Err(TraceError::Short));
+        assert_eq!(parse("1,2"), Err(TraceError::Short));
+        assert_eq!(parse("1,2\n2,x"), Err(TraceError::Row(3)));
+        assert_eq!(parse("1,2\n2"), Err(TraceError::Row(3)));
+        assert_eq!(parse("9223372036854775807,2\n2,3"), Err(TraceError::Row(2)));
+        assert_eq!(parse("2,2\n1,3"), Err(TraceError::Back(3)));
+    }
+
+    #[test]
+    fn an_old_trace_is_lifted_by_whole_days_and_a_new_one_left_alone() {
+        let new = parse("7,1739195789199802\n8,1739195789399802").unwrap();
+        assert_eq!(new.lifted_days, 0);
+        assert_eq!(new.rows[1].arrival - new.rows[0].arrival, 1_000);
+        let old = parse("7,1448149465400000\n8,1448149465600000").unwrap();
+        assert_eq!(old.lifted_days, 3_653);
+        let lifted = old.rows[0].utc - 1_448_149_465_400_000_000;
+        assert_eq!(lifted, 3_653 * DAY_NS);
+        assert!(old.rows[0].utc >= EARLIEST.0);
+    }
+
+    #[test]
+    fn steady_arrivals_leave_every_clock_on_the_line() {
+        let rows: Vec<_> = (0..1_000_u64)
+            .map(|i| format!("{},{}", i * 200_000, 1_800_000_000_000_000 + i * 200_000))
+            .collect();
+        let replayed = parse(&rows.join("\n")).unwrap().replay();
+        assert_eq!(replayed.fouls, None);
+        for track in &replayed.tracks {
+            let (ahead, spread) = track.spread().unwrap();
+            // PX4's leaks 20 us from message to message.
+            assert!(ahead.abs() <= 20_000 && spread.max <= 20_000, "{track:?}");
+        }
+    }
+}

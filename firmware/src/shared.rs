@@ -6,7 +6,7 @@
 //!
 //! | queue | filled by | drained by | when full |
 //! |---|---|---|---|
-//! | [`NEWS`] | the GNSS task, at sets and steps | the MAVLink task, each second | the newest is dropped: the log has it |
+//! | [`NEWS`] | the GNSS task, at sets, steps and changes of the source | the MAVLink task, each second | the newest is dropped: the log has it |
 
 use core::cell::Cell;
 
@@ -16,8 +16,9 @@ use embassy_sync::channel::Channel;
 use mavlink_node::NodeTime;
 use timebase::Cycles;
 use ubx_link::{Fix, LinkCounters, SessionCounters};
-use utc_clock::{ClockState, Outcome, Published};
+use utc_clock::{ClockState, Ppb, Published, Source};
 
+use crate::drivers::pulse::EdgeCounters;
 use crate::drivers::uart::LineErrors;
 
 /// The clock.
@@ -30,7 +31,23 @@ pub static GNSS: Report<GnssReport> = Report::new();
 pub static MAVLINK: Report<MavlinkReport> = Report::new();
 
 /// What the clock did that others should hear of.
-pub static NEWS: Channel<CriticalSectionRawMutex, Outcome, 4> = Channel::new();
+pub static NEWS: Channel<CriticalSectionRawMutex, News, 4> = Channel::new();
+
+/// What the clock did that others should hear of.
+#[derive(Clone, Copy)]
+pub enum News {
+    /// It was set.
+    Set,
+    /// It stepped.
+    Stepped {
+        /// What was added to it, in ns.
+        by_ns: i64,
+    },
+    /// The pulse steers it.
+    PulseFollowed,
+    /// The pulse does not any more.
+    PulseLost,
+}
 
 /// The node's time at `when`, for MAVLink.
 #[inline(never)]
@@ -53,6 +70,12 @@ pub struct GnssReport {
     pub clock: utc_clock::Counters,
     /// Errors of the line itself.
     pub line: LineErrors,
+    /// Edges on the pulse's wire.
+    pub edges: EdgeCounters,
+    /// What steers the clock.
+    pub source: Source,
+    /// How much faster than the crystal it runs.
+    pub frequency: Ppb,
     /// The last solution, and when it arrived.
     pub fix: Option<(Cycles, Fix)>,
 }

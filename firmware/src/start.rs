@@ -9,7 +9,7 @@ use embassy_executor::InterruptExecutor;
 use stm32f4xx_hal::pac::interrupt;
 
 use crate::board::{self, Board};
-use crate::drivers::time;
+use crate::drivers::{pulse, time};
 use crate::settings;
 use crate::tasks::{gnss, led, mavlink, status};
 
@@ -23,6 +23,7 @@ fn main() -> ! {
     let Board {
         gnss: (gnss_reader, gnss_writer),
         mavlink: (mavlink_reader, mavlink_writer),
+        pulse,
         led,
     } = board::init();
     defmt::info!(
@@ -33,7 +34,7 @@ fn main() -> ! {
         settings::SYSTEM_ID
     );
     let (Ok(gnss), Ok(mavlink), Ok(led), Ok(status)) = (
-        gnss::run(gnss_reader, gnss_writer),
+        gnss::run(gnss_reader, gnss_writer, pulse),
         mavlink::run(mavlink_reader, mavlink_writer),
         led::run(led),
         status::run(),
@@ -71,5 +72,6 @@ fn CAN2_TX() {
 #[exception]
 fn PendSV() {
     board::wake_readers();
+    pulse::listen();
     time::on_alarm();
 }

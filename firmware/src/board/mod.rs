@@ -12,6 +12,7 @@ use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::{Enable as _, Reset as _};
 use stm32f4xx_hal::serial::Serial;
 
+use crate::drivers::pulse::{self, Pulse};
 use crate::drivers::time;
 use crate::drivers::uart::{Reader, Writer};
 use crate::priorities;
@@ -39,6 +40,8 @@ pub struct Board {
     pub gnss: (Reader, Writer),
     /// The MAVLink line.
     pub mavlink: (Reader, Writer),
+    /// The receiver's time pulse, on AUX5.
+    pub pulse: Pulse,
     /// The amber LED, lit when low.
     pub led: ErasedPin<Output<OpenDrain>>,
 }
@@ -80,6 +83,7 @@ pub fn init() -> Board {
     for (interrupt, priority) in [
         (Interrupt::UART4, priorities::SERIAL),
         (Interrupt::USART2, priorities::SERIAL),
+        (Interrupt::TIM4, priorities::PULSE),
         (PROMPT, priorities::PROMPT),
         (PATIENT, priorities::PATIENT),
     ] {
@@ -91,6 +95,7 @@ pub fn init() -> Board {
         unsafe { NVIC::unmask(interrupt) };
     }
 
+    let pulse = pulse::start(chip.TIM4, gpiod.pd13, &mut rcc);
     let clock_hz = rcc.clocks.pclk1().raw();
     let (Some(gnss), Some(mavlink)) = (lines::GNSS.open(clock_hz), lines::MAVLINK.open(clock_hz))
     else {
@@ -100,7 +105,12 @@ pub fn init() -> Board {
         .pe12
         .into_open_drain_output_in_state(PinState::High)
         .erase();
-    Board { gnss, mavlink, led }
+    Board {
+        gnss,
+        mavlink,
+        pulse,
+        led,
+    }
 }
 
 /// Leaves everything to the interrupts, for ever: the core goes back to sleep as the

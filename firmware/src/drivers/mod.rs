@@ -1,5 +1,6 @@
 //! Thin drivers: registers in, values out. With the boards they have all of the
 //! firmware's `unsafe`.
 
+pub mod pulse;
 pub mod time;
 pub mod uart;

@@ -134,6 +134,19 @@ pub fn stamp() -> Stamp {
     tick::stamp(&Registers)
 }
 
+/// Two readings, and the time between them: `read`, SysTick and `read` again, one
+/// right behind the other.
+pub fn between<T>(read: impl Fn() -> T) -> (T, Cycles, T) {
+    Registers.masked(|| {
+        let now = now();
+        let before = read();
+        let down_count = SYST::get_current();
+        let after = read();
+        let between = tick::first_showing(down_count, Registers::PERIOD, now);
+        (before, between, after)
+    })
+}
+
 /// Ticks that were lost while interrupts were masked, and made good.
 pub fn lost_ticks() -> u32 {
     Registers.load(Word::LostTicks)

@@ -1,15 +1,17 @@
-//! The GNSS task: bytes in, marks to the clock, and the receiver's configuration.
+//! The GNSS task: bytes and edges in, marks and pulses to the clock, and the
+//! receiver's configuration.
 
-use embassy_futures::select::select;
+use embassy_futures::select::select3;
 use embassy_time::{Instant, Timer};
 use timebase::{CORE_HZ, Cycles, TimeMark};
 use ubx_link::{Action, Event, Fix, Link, Session};
-use utc_clock::{Outcome, Settings, UtcClock};
+use utc_clock::{Outcome, PulseOutcome, Settings, Source, UtcClock};
 
+use crate::drivers::pulse::Pulse;
 use crate::drivers::time;
 use crate::drivers::uart::{INCOMING, Reader, Writer};
 use crate::settings;
-use crate::shared::{CLOCK, GNSS, GnssReport, NEWS};
+use crate::shared::{CLOCK, GNSS, GnssReport, NEWS, News};
 
 /// From report to report, in cycles: 1 s.
 const REPORT_EVERY: u64 = CORE_HZ as u64;
@@ -18,25 +20,31 @@ const REPORT_EVERY: u64 = CORE_HZ as u64;
 /// while the receiver is being configured.
 const LOOK_EVERY: u64 = CORE_HZ as u64 / 1_000;
 
+/// Forecasts of the pulse are wanted for so long after an edge, in cycles: 10 s.
+const FORECASTS_FOR: u64 = 10 * CORE_HZ as u64;
+
 // All that the ring holds fits at once.
 const _: () = assert!(INCOMING <= Link::ROOM);
 
 /// Runs for ever, on the prompt executor.
 #[embassy_executor::task]
-pub async fn run(mut reader: Reader, mut writer: Writer) {
+pub async fn run(mut reader: Reader, mut writer: Writer, mut pulse: Pulse) {
     let mut receiver = Receiver::new();
     let mut report_due = Cycles::BOOT;
     loop {
         let now = time::now();
         receiver.listen(&mut reader, now);
+        receiver.watch(&mut pulse);
         receiver.configure(&mut writer, now);
         receiver.clock.handle_timeout(now);
+        receiver.tell_source();
         if now >= report_due {
             report_due = now.plus(REPORT_EVERY);
-            GNSS.tell(receiver.report(&reader));
+            GNSS.tell(receiver.report(&reader, &pulse));
         }
         let due = receiver.poll_timeout(now).min(report_due);
-        select(reader.wait(), Timer::at(first_instant_after(due))).await;
+        let timer = Timer::at(first_instant_after(due));
+        select3(reader.wait(), pulse.wait(), timer).await;
     }
 }
 
@@ -49,6 +57,10 @@ struct Receiver {
     is_sending: bool,
     /// The last solution, and when it arrived.
     fix: Option<(Cycles, Fix)>,
+    /// The last edge of the pulse's wire.
+    edge: Option<Cycles>,
+    /// What steered the clock last.
+    source: Source,
 }
 
 impl Receiver {
@@ -63,6 +75,8 @@ impl Receiver {
             clock: UtcClock::new(settings, &CLOCK),
             is_sending: false,
             fix: None,
+            edge: None,
+            source: Source::Nothing,
         }
     }
 
@@ -73,15 +87,60 @@ impl Receiver {
         });
         while let Some(event) = self.link.poll(now) {
             self.session.handle_event(now, &event);
-            if let Event::NavPvt { mark, fix } = event {
-                self.fix = Some((mark.arrival, fix));
-                follow(&mut self.clock, &mark);
+            match event {
+                Event::NavPvt { mark, fix } => {
+                    self.fix = Some((mark.arrival, fix));
+                    self.follow(&mark);
+                }
+                Event::TimTp(forecast) => self.clock.handle_forecast(&forecast),
+                Event::Ack { .. } | Event::Nak { .. } => {}
             }
+        }
+    }
+
+    /// Gives a mark to the clock, and tells what came of it.
+    fn follow(&mut self, mark: &TimeMark) {
+        match self.clock.handle_mark(mark, time::now()) {
+            Outcome::Set => {
+                defmt::info!("the clock is set");
+                tell(News::Set);
+            }
+            Outcome::Stepped { by_ns } => tell_step(by_ns),
+            Outcome::Slewed { .. } | Outcome::Confirmed | Outcome::Refused(_) => {}
+        }
+    }
+
+    /// Takes what has come over the pulse's wire. After [`Self::listen`]: a forecast
+    /// comes before its pulse.
+    fn watch(&mut self, pulse: &mut Pulse) {
+        while let Some(mark) = pulse.take() {
+            self.edge = Some(mark.edge);
+            if let PulseOutcome::Stepped { by_ns } = self.clock.handle_pulse(&mark, time::now()) {
+                tell_step(by_ns);
+            }
+        }
+    }
+
+    /// Tells when the pulse begins to steer, or does not any more.
+    fn tell_source(&mut self) {
+        let before = core::mem::replace(&mut self.source, self.clock.source());
+        match (before == Source::Pulse, self.source == Source::Pulse) {
+            (false, true) => {
+                defmt::info!("the pulse steers the clock");
+                tell(News::PulseFollowed);
+            }
+            (true, false) => {
+                defmt::warn!("the pulse does not steer the clock any more");
+                tell(News::PulseLost);
+            }
+            _ => {}
         }
     }
 
     /// Does what the session asks for.
     fn configure(&mut self, writer: &mut Writer, now: Cycles) {
+        let has_pulse = self.edge.is_some_and(|edge| edge.plus(FORECASTS_FOR) > now);
+        self.session.want_forecasts(has_pulse);
         if self.is_sending && writer.is_idle() {
             self.is_sending = false;
             self.session.handle_sent(now);
@@ -109,27 +168,28 @@ impl Receiver {
         due
     }
 
-    fn report(&self, reader: &Reader) -> GnssReport {
+    fn report(&self, reader: &Reader, pulse: &Pulse) -> GnssReport {
         GnssReport {
             link: self.link.counters(),
             session: self.session.counters(),
             clock: self.clock.counters(),
             line: reader.errors(),
+            edges: pulse.counters(),
+            source: self.source,
+            frequency: self.clock.frequency(),
             fix: self.fix,
         }
     }
 }
 
-/// Gives a mark to the clock, and tells what came of it.
-fn follow(clock: &mut UtcClock<'static>, mark: &TimeMark) {
-    let outcome = clock.handle_mark(mark, time::now());
-    match outcome {
-        Outcome::Set => defmt::info!("the clock is set"),
-        Outcome::Stepped { by_ns } => defmt::warn!("the clock steps by {=i64} ns", by_ns),
-        Outcome::Slewed { .. } | Outcome::Refused(_) => return,
-    }
+fn tell_step(by_ns: i64) {
+    defmt::warn!("the clock steps by {=i64} ns", by_ns);
+    tell(News::Stepped { by_ns });
+}
+
+fn tell(news: News) {
     // A full queue means that nobody listens; the log has it.
-    let _ = NEWS.try_send(outcome);
+    let _ = NEWS.try_send(news);
 }
 
 /// The first of embassy's µs that is not earlier than `time`.

@@ -8,12 +8,11 @@ use embassy_time::{Duration, Ticker};
 use heapless::String;
 use mavlink_node::{Config, Fix, GpsFix, Node, PingReply, Severity};
 use timebase::{CORE_HZ, StampedByte};
-use utc_clock::Outcome;
 
 use crate::drivers::time;
 use crate::drivers::uart::{INCOMING, Reader, Writer};
 use crate::settings;
-use crate::shared::{self, GNSS, MAVLINK, MavlinkReport, NEWS};
+use crate::shared::{self, GNSS, MAVLINK, MavlinkReport, NEWS, News};
 
 /// A solution is told for so long, in cycles: 2 s. Then the receiver is silent.
 const FIX_LASTS: i64 = 2 * CORE_HZ as i64;
@@ -78,12 +77,16 @@ fn once_a_second(node: &mut Node, writer: &mut Writer) {
     while let Ok(news) = NEWS.try_receive() {
         // 50 characters are what a STATUSTEXT holds; each of these is shorter.
         let mut text = String::<50>::new();
-        let _ = match news {
-            Outcome::Set => write!(text, "clock set"),
-            Outcome::Stepped { by_ns } => write!(text, "clock stepped by {by_ns} ns"),
-            Outcome::Slewed { .. } | Outcome::Refused(_) => continue,
+        let (severity, _) = match news {
+            News::Set => (Severity::Notice, write!(text, "clock set")),
+            News::Stepped { by_ns } => (
+                Severity::Warning,
+                write!(text, "clock stepped by {by_ns} ns"),
+            ),
+            News::PulseFollowed => (Severity::Notice, write!(text, "clock follows the pulse")),
+            News::PulseLost => (Severity::Warning, write!(text, "clock lost the pulse")),
         };
-        writer.send(&node.statustext(Severity::Notice, &text));
+        writer.send(&node.statustext(severity, &text));
     }
 }
 

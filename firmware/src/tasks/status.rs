@@ -9,7 +9,7 @@ use core::fmt::{self, Write as _};
 use defmt::{Format, Formatter};
 use embassy_time::{Duration, Ticker};
 use heapless::String;
-use utc_clock::ClockState;
+use utc_clock::{ClockState, Source};
 
 use crate::drivers::time;
 use crate::shared::{CLOCK, GNSS, GnssReport, MAVLINK, MavlinkReport};
@@ -37,10 +37,12 @@ fn log() {
     let mavlink = MAVLINK.get();
     let clock = gnss.map(|report| report.clock).unwrap_or_default();
     defmt::info!(
-        "status state={} utc={=str} unc_us={=u32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}",
+        "status state={} source={} utc={=str} unc_ns={=u32} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}",
         State(reading.state),
+        From(gnss.map(|report| report.source).unwrap_or_default()),
         utc.as_str(),
-        reading.uncertainty_ns / 1_000,
+        reading.uncertainty_ns,
+        gnss.map(|report| report.frequency.0).unwrap_or_default(),
         reading.leap_seconds_known,
         clock.accepted,
         clock.refused(),
@@ -75,7 +77,10 @@ impl Format for Clock {
     fn format(&self, f: Formatter) {
         nonzero!(f, self.0, "": steps_forward, steps_back, holdovers);
         nonzero!(f, self.0, "mark_": date, time, unresolved, unconfirmed, inaccurate, calendar,
-            too_old, leap_second, stamp, duplicate_epoch, epoch_back, outlier);
+            too_old, leap_second, stamp, duplicate_epoch, epoch_back, outlier, late, early, drift,
+            crystal);
+        nonzero!(f, self.0, "": pulses, pulse_locks, pulse_unnumbered, pulse_off_second,
+            pulse_off_line, pulse_doubled, pulse_stamp);
     }
 }
 
@@ -88,6 +93,7 @@ impl Format for Gnss {
         nonzero!(f, report.link, "gps_": bad_checksums, truncated, refused, false_lengths,
             other_messages, lone_syncs, nmea_starts, foreign_bytes);
         nonzero!(f, report.session, "cfg_": rounds, attempts, accepted, refused, unanswered);
+        nonzero!(f, report.edges, "edges_": told, followed, queue_full);
         nonzero!(f, report.line, "gps_": overrun, framing, noise, incoming_full, outgoing_full);
     }
 }
@@ -113,6 +119,18 @@ impl Format for State {
             ClockState::Unset => defmt::write!(f, "unset"),
             ClockState::Set => defmt::write!(f, "set"),
             ClockState::Holdover => defmt::write!(f, "holdover"),
+        }
+    }
+}
+
+struct From(Source);
+
+impl Format for From {
+    fn format(&self, f: Formatter) {
+        match self.0 {
+            Source::Nothing => defmt::write!(f, "-"),
+            Source::Message => defmt::write!(f, "message"),
+            Source::Pulse => defmt::write!(f, "pulse"),
         }
     }
 }

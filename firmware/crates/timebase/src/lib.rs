@@ -8,13 +8,15 @@
 //! *Design.* [`tick`] extends a 24-bit down-counter (SysTick) to 64 bits and
 //! repairs the ticks that were lost while interrupts were masked, with a second
 //! counter of the same clock (TIM5) as witness. [`cycles`] has the unit and its
-//! conversions. [`mark`] has what the receiver's line and its pulse tell the clock.
+//! conversions. [`capture`] extends a 16-bit input capture to it. [`mark`] has what
+//! the receiver's line and its pulse tell the clock.
 //!
 //! *Limits.* Pure values and arithmetic: registers are reached through the
 //! trait [`tick::Counters`], which the firmware's time driver implements.
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod capture;
 pub mod cycles;
 pub mod mark;
 pub mod tick;

@@ -114,6 +114,15 @@ pub fn stamp<C: Counters>(counters: &C) -> Stamp {
     Stamp(low.wrapping_add_signed(since.elapsed::<C>()))
 }
 
+/// The first moment from `now` on at which a down-counter of that `period` shows
+/// `down_count`: it wraps at whole periods since boot.
+#[must_use]
+pub const fn first_showing(down_count: u32, period: u32, now: Cycles) -> Cycles {
+    let period = period as u64;
+    let past = now.0.wrapping_add(down_count as u64) % period;
+    Cycles(now.0.wrapping_add((period - past) % period))
+}
+
 /// The tick interrupt in the plain case: one period has passed, and most of the
 /// next has not. Moves the anchor to the wrap and returns its time.
 ///
@@ -206,5 +215,22 @@ impl Since {
             .wrapping_mul(C::PERIOD)
             .wrapping_sub(self.down_count)
             .cast_signed()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_down_count_names_one_moment_of_each_period() {
+        const PERIOD: u32 = 42;
+        for now in (0..200).chain((1 << 32) - 100..(1 << 32) + 100) {
+            for ahead in 0..u64::from(PERIOD) {
+                let then = now + ahead;
+                let down_count = (PERIOD - (then % u64::from(PERIOD)) as u32) % PERIOD;
+                assert_eq!(first_showing(down_count, PERIOD, Cycles(now)), Cycles(then));
+            }
+        }
     }
 }

@@ -1,0 +1,151 @@
+//! The time pulse: edges captured by TIM4, told as cycles since boot.
+//!
+//! *Purpose.* From the pin of the pulse to [`PulseMark`]s for the GNSS task, each
+//! exact to a count of the timer, 11.9 ns, however late anybody looks.
+//!
+//! *Design.* Channel 2 of TIM4 captures rising edges in hardware, at the timer clock
+//! of 84 MHz and without a filter: the least of them takes 95 ns off the time and
+//! keeps out nothing that the clock would not refuse. The interrupt only names the
+//! round of the 16-bit counter ([`timebase::capture`]) and wakes the task at once.
+//! It turns itself off with each edge, and the alarm turns it on again,
+//! [`Pulse::listen`]: so a wire that bounces, or that nobody drives, costs an
+//! interrupt a millisecond and no more. A pull-down keeps it quiet.
+//!
+//! | queue | filled by | drained by | when full |
+//! |---|---|---|---|
+//! | edges | the handler, ≤ 1 at each alarm, commonly 1 a second | the GNSS task, at once | the edge is lost and counted |
+//!
+//! *Limits.* The handler has to run within 774 µs of an edge. What can hold it up is
+//! the longest masked section, some hundred instructions by rule, and whatever
+//! stands above it in [`priorities`](crate::priorities): together some µs. Of edges
+//! closer together than the alarms the first is told. The wire is one of 3.3 V.
+
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
+
+use cortex_m::peripheral::NVIC;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::channel::Channel;
+use stm32f4xx_hal::gpio::{PD13, Pull};
+use stm32f4xx_hal::interrupt;
+use stm32f4xx_hal::pac::tim3::RegisterBlock;
+use stm32f4xx_hal::pac::{Interrupt, TIM4};
+use stm32f4xx_hal::rcc::{Enable as _, Rcc, Reset as _};
+use timebase::PulseMark;
+use timebase::capture::Phase;
+
+use super::time;
+
+/// TIM4 on PD13 (DS9484, alternate functions).
+const AF: u8 = 2;
+
+/// SR of RM0090, section 18.4.5: cleared by writing 0, unmoved by 1.
+mod bits {
+    pub(super) const SR_CC2IF: u32 = 1 << 2;
+    pub(super) const SR_CC2OF: u32 = 1 << 10;
+}
+
+/// What came over the wire of the pulse. Each wraps.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct EdgeCounters {
+    /// Edges that were told.
+    pub told: u32,
+    /// Times that at least one more followed before the next alarm: bounces, noise.
+    pub followed: u32,
+    /// Edges that found the queue full.
+    pub queue_full: u32,
+}
+
+/// The task's end, of which there is one.
+pub struct Pulse(());
+
+static EDGES: Channel<CriticalSectionRawMutex, PulseMark, 4> = Channel::new();
+static PHASE: AtomicU32 = AtomicU32::new(0);
+/// An edge was told, and the alarm has not come since.
+static IS_DEAF: AtomicBool = AtomicBool::new(false);
+static TOLD: AtomicU32 = AtomicU32::new(0);
+static FOLLOWED: AtomicU32 = AtomicU32::new(0);
+static QUEUE_FULL: AtomicU32 = AtomicU32::new(0);
+
+/// Starts the capture of `pin`'s rising edges. The time runs already, and the
+/// interrupt has its priority.
+pub fn start(tim4: TIM4, pin: PD13, rcc: &mut Rcc) -> Pulse {
+    pin.into_alternate::<AF>().internal_resistor(Pull::Down);
+    TIM4::enable(rcc);
+    TIM4::reset(rcc);
+    // SAFETY: 01 connects channel 2 to its own pin; no filter, no prescaler.
+    tim4.ccmr1_input().write(|w| unsafe { w.cc2s().bits(0b01) });
+    tim4.arr().write(|w| w.arr().set(u16::MAX));
+    tim4.ccer().write(|w| w.cc2e().set_bit());
+    tim4.cr1().write(|w| w.cen().enabled());
+    let (before, at, after) = time::between(|| tim4.cnt().read().cnt().bits());
+    PHASE.store(Phase::measured(before, at, after).to_bits(), Relaxed);
+    tim4.dier().write(|w| w.cc2ie().enabled());
+    // SAFETY: the handler uses nothing but this timer and the statics above.
+    unsafe { NVIC::unmask(Interrupt::TIM4) };
+    Pulse(())
+}
+
+/// Lets the next edge be told; the alarm calls it. What came since the last one is
+/// left aside: it cannot be told from a bounce, and its count is out of reach.
+#[inline]
+pub fn listen() {
+    const CAPTURED: u32 = bits::SR_CC2IF | bits::SR_CC2OF;
+    if !IS_DEAF.load(Relaxed) {
+        return;
+    }
+    IS_DEAF.store(false, Relaxed);
+    let tim4 = registers();
+    if tim4.sr().read().bits() & CAPTURED != 0 {
+        // SAFETY: clears these two and leaves the others.
+        tim4.sr().write(|w| unsafe { w.bits(!CAPTURED) });
+        count(&FOLLOWED);
+    }
+    tim4.dier().write(|w| w.cc2ie().enabled());
+}
+
+impl Pulse {
+    /// Waits until there is an edge.
+    pub async fn wait(&mut self) {
+        EDGES.ready_to_receive().await;
+    }
+
+    /// The oldest edge that was not taken yet.
+    pub fn take(&mut self) -> Option<PulseMark> {
+        EDGES.try_receive().ok()
+    }
+
+    /// What has come over the wire so far.
+    pub fn counters(&self) -> EdgeCounters {
+        EdgeCounters {
+            told: TOLD.load(Relaxed),
+            followed: FOLLOWED.load(Relaxed),
+            queue_full: QUEUE_FULL.load(Relaxed),
+        }
+    }
+}
+
+/// An edge was captured.
+#[interrupt]
+fn TIM4() {
+    let tim4 = registers();
+    // First, so that the request is gone when the handler returns.
+    tim4.dier().reset();
+    IS_DEAF.store(true, Relaxed);
+    let capture = tim4.ccr2().read().ccr().bits();
+    let phase = Phase::from_bits(PHASE.load(Relaxed));
+    let edge = phase.edge(capture, time::now());
+    match EDGES.try_send(PulseMark { edge }) {
+        Ok(()) => count(&TOLD),
+        Err(_) => count(&QUEUE_FULL),
+    }
+}
+
+fn registers() -> &'static RegisterBlock {
+    // SAFETY: the timer is this module's; nobody asks before `start`.
+    unsafe { &*TIM4::ptr() }
+}
+
+fn count(counter: &AtomicU32) {
+    // The handler and the alarm have one priority: neither preempts the other.
+    counter.store(counter.load(Relaxed).wrapping_add(1), Relaxed);
+}

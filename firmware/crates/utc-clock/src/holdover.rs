@@ -11,7 +11,8 @@
 
 use timebase::{CORE_HZ, Cycles};
 
-use crate::envelope::DRIFT_PPB_PER_S;
+/// As fast as a crystal is believed to drift, in ppb a second: 1 ppm a minute.
+pub(crate) const DRIFT_PPB_PER_S: f32 = 1_000.0 / 60.0;
 
 /// ±50 ppm over its range of temperature: three such boards were measured at +37, +37 and
 /// +44 ppm.
@@ -46,7 +47,7 @@ mod tests {
     #[test]
     fn it_is_a_parabola_and_then_a_line() {
         let doubt = Doubt {
-            at: Cycles(CORE_HZ as u64),
+            at: Cycles(u64::from(CORE_HZ)),
             phase_ns: 100.0,
             frequency_ppb: 10.0,
         };

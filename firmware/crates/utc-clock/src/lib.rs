@@ -40,7 +40,6 @@ mod kalman;
 pub mod model;
 pub mod published;
 pub mod pulse;
-mod ring;
 pub mod utc;
 
 pub use calendar::CalendarError;

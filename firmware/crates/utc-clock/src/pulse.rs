@@ -21,7 +21,7 @@
 //! plausible latencies differ, before any latency was learnt, is taken for good: nothing on the
 //! board could tell.
 
-use crate::envelope::DRIFT_PPB_PER_S;
+use crate::holdover::DRIFT_PPB_PER_S;
 use crate::kalman::{Kalman, Noise};
 
 /// So many pulses in a row have to fit each other before they are followed.

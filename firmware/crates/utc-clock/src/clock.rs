@@ -71,6 +71,9 @@ const CYCLES_PER_MS: u64 = CORE_HZ as u64 / 1_000;
 /// Cycles in which [`MAX_SLEW`] absorbs one ns.
 const CYCLES_PER_NS_AT_MAX_SLEW: u64 = CORE_HZ as u64 / MAX_SLEW.0 as u64;
 
+/// How the doubt grows while the crystal is refused, in ppb: 1 %.
+const BROKEN_PPB: f32 = 1e7;
+
 /// What [`MAX_SLEW`] absorbs until holdover begins, in ns.
 const MOST_ABSORBED_NS: u32 = MAX_SLEW.0.unsigned_abs() * (HOLDOVER_AFTER / CORE_HZ as u64) as u32;
 
@@ -337,7 +340,18 @@ impl<'a, W: Word> UtcClock<'a, W> {
             at: mark.arrival,
             published: line.base,
         };
-        let outcome = match self.discipline.hear_mark(&heard, epoch, mark.t_acc_ns) {
+        let correction = match self.discipline.hear_mark(&heard, epoch, mark.t_acc_ns) {
+            Ok(correction) => correction,
+            Err(refusal) => {
+                if refusal == Refusal::Crystal && line.quality.state != ClockState::Unset {
+                    // Nobody knows the frequency, so that the doubt has to grow like that.
+                    self.doubt.frequency_ppb = BROKEN_PPB;
+                    self.steer(&line, now);
+                }
+                return Outcome::Refused(refusal);
+            }
+        };
+        let outcome = match correction {
             Correction::First(course) => {
                 line.fraction = 0;
                 self.set_at = now;
@@ -359,8 +373,6 @@ impl<'a, W: Word> UtcClock<'a, W> {
                 self.last_heard = mark.arrival;
                 return Outcome::Confirmed;
             }
-            Correction::Refuse(refusal) => return Outcome::Refused(refusal),
-            Correction::RefusePulse(_) => return Outcome::Refused(Refusal::Stamp),
         };
         line.quality.state = ClockState::Set;
         self.last_heard = mark.arrival;
@@ -382,20 +394,22 @@ impl<'a, W: Word> UtcClock<'a, W> {
             published: line.base,
         };
         let outcome = match self.discipline.hear_pulse(&heard, late_ns) {
-            Correction::First(course) if course.error_ns > LEAST_STEP_NS => {
+            Ok(Correction::First(course)) if course.error_ns > LEAST_STEP_NS => {
                 self.step(&mut line, &course);
                 PulseOutcome::Stepped {
                     by_ns: course.error_ns,
                 }
             }
-            Correction::First(course) | Correction::Follow(course) | Correction::Step(course) => {
+            Ok(
+                Correction::First(course) | Correction::Follow(course) | Correction::Step(course),
+            ) => {
                 self.absorb(&course, now);
                 PulseOutcome::Slewed {
                     error_ns: course.error_ns,
                 }
             }
-            Correction::RefusePulse(refusal) => return PulseOutcome::Refused(refusal),
-            Correction::Nothing | Correction::Refuse(_) => return PulseOutcome::Candidate,
+            Ok(Correction::Nothing) => return PulseOutcome::Candidate,
+            Err(refusal) => return PulseOutcome::Refused(refusal),
         };
         if self.source() != Source::Pulse {
             bump(&mut self.counters.pulse_locks);

@@ -103,10 +103,6 @@ pub enum Correction {
     Step(Course),
     /// Go on as before: the mark confirms a better source, or the pulse waits for others.
     Nothing,
-    /// Leave the clock alone.
-    Refuse(Refusal),
-    /// Leave the clock alone.
-    RefusePulse(PulseRefusal),
 }
 
 /// The estimators, and who is believed.
@@ -184,19 +180,47 @@ impl Discipline {
     }
 
     /// Hears the epoch of a mark. The first one sets the clock: it is [`Correction::First`].
-    pub fn hear_mark(&mut self, heard: &Observation, epoch: UtcNanos, t_acc_ns: u32) -> Correction {
+    ///
+    /// # Errors
+    /// Why it is to be ignored.
+    pub fn hear_mark(
+        &mut self,
+        heard: &Observation,
+        epoch: UtcNanos,
+        t_acc_ns: u32,
+    ) -> Result<Correction, Refusal> {
         let is_first = self.told.is_none();
-        let local_ns = heard.at.as_nanos();
         let utc_ns = epoch.0.saturating_add(self.latency_ns);
         let residual_ns = utc_ns.saturating_sub(heard.published.0);
         if !is_first && residual_ns.unsigned_abs() > OUTLIER_NS.unsigned_abs() {
             return self.hear_outlier(heard, epoch, residual_ns, t_acc_ns);
         }
         self.run = Run::default();
-        match self.hear_envelope(heard, epoch) {
-            Ok(floor) => self.judge(heard, epoch, local_ns, floor, t_acc_ns, is_first),
-            Err(refusal) => Correction::Refuse(refusal),
+        let floor = self.hear_envelope(heard, epoch)?;
+        let local_ns = heard.at.as_nanos();
+        let floor_utc_ns = epoch.0.saturating_add(i64::from(floor.excess_ns));
+        if floor.fast_ppb > CRYSTAL_PPB || floor.fast_ppb < -CRYSTAL_PPB {
+            return Err(Refusal::Crystal);
         }
+        if !self.anchor.reaches(local_ns, floor_utc_ns, &floor) {
+            return Err(Refusal::Drift);
+        }
+        self.told = Some((local_ns, floor_utc_ns));
+        let doubt_ns = floor.doubt_ns + t_acc_ns as f32;
+        if self.pulse_is_better(local_ns, floor_utc_ns, doubt_ns) {
+            return Ok(Correction::Nothing);
+        }
+        self.fast_ppb = floor.fast_ppb;
+        self.fast_doubt_ppb = 2.0 * floor.frequency_doubt_ppb;
+        let error_ns = floor_utc_ns
+            .saturating_add(self.latency_ns)
+            .saturating_sub(heard.published.0);
+        let course = self.course(heard.at, error_ns, doubt_ns, ABSORB_MS.0);
+        Ok(if is_first {
+            Correction::First(course)
+        } else {
+            Correction::Follow(course)
+        })
     }
 
     fn hear_envelope(&mut self, heard: &Observation, epoch: UtcNanos) -> Result<Floor, Refusal> {
@@ -213,54 +237,34 @@ impl Discipline {
         }
     }
 
-    fn judge(
-        &mut self,
-        heard: &Observation,
-        epoch: UtcNanos,
-        local_ns: u64,
-        floor: Floor,
-        t_acc_ns: u32,
-        is_first: bool,
-    ) -> Correction {
-        let floor_utc_ns = epoch.0.saturating_add(i64::from(floor.excess_ns));
-        if floor.fast_ppb > CRYSTAL_PPB || floor.fast_ppb < -CRYSTAL_PPB {
-            return Correction::Refuse(Refusal::Crystal);
+    /// Holds the floor against the pulse: learns the latency between them, or that they
+    /// contradict each other. Whether the pulse has the smaller doubt.
+    fn pulse_is_better(&mut self, local_ns: u64, floor_utc_ns: i64, doubt_ns: f32) -> bool {
+        let Some((pulse_utc_ns, pulse_doubt_ns)) = self.pulse.utc_at(local_ns) else {
+            return false;
+        };
+        let latency_ns = pulse_utc_ns.saturating_sub(floor_utc_ns);
+        if self.is_contradicted(latency_ns) {
+            self.pulse.forget();
+            return false;
         }
-        if !self.anchor.reaches(local_ns, floor_utc_ns, &floor) {
-            return Correction::Refuse(Refusal::Drift);
-        }
-        self.told = Some((local_ns, floor_utc_ns));
-        let doubt_ns = floor.doubt_ns + t_acc_ns as f32;
-        if let Some((pulse_utc_ns, pulse_doubt_ns)) = self.pulse.utc_at(local_ns) {
-            let latency_ns = pulse_utc_ns.saturating_sub(floor_utc_ns);
-            if self.is_contradicted(latency_ns) {
-                self.pulse.forget();
-            } else {
-                self.learn(latency_ns);
-                if pulse_doubt_ns <= doubt_ns + self.latency_doubt_ns as f32 {
-                    return Correction::Nothing;
-                }
-            }
-        }
-        self.fast_ppb = floor.fast_ppb;
-        self.fast_doubt_ppb = 2.0 * floor.frequency_doubt_ppb;
-        let error_ns = floor_utc_ns
-            .saturating_add(self.latency_ns)
-            .saturating_sub(heard.published.0);
-        let course = self.course(heard.at, error_ns, doubt_ns, ABSORB_MS.0);
-        if is_first {
-            Correction::First(course)
-        } else {
-            Correction::Follow(course)
-        }
+        self.learn(latency_ns);
+        pulse_doubt_ns <= doubt_ns + self.latency_doubt_ns as f32
     }
 
     /// Hears an edge of the pulse, which comes `late_ns` after the second that it stands for, by the
     /// receiver's own word.
-    pub fn hear_pulse(&mut self, heard: &Observation, late_ns: i32) -> Correction {
+    ///
+    /// # Errors
+    /// Why it is to be ignored.
+    pub fn hear_pulse(
+        &mut self,
+        heard: &Observation,
+        late_ns: i32,
+    ) -> Result<Correction, PulseRefusal> {
         let at_ns = heard.at.as_nanos().saturating_add_signed((-late_ns).into());
         let Some((told_at_ns, floor_utc_ns)) = self.told else {
-            return Correction::RefusePulse(PulseRefusal::Unnumbered);
+            return Err(PulseRefusal::Unnumbered);
         };
         let since_ns = at_ns.wrapping_sub(told_at_ns).cast_signed();
         // An hour at 50 ppm is less than a second off: by then only the clock may number it.
@@ -284,8 +288,8 @@ impl Discipline {
             plausible_ns,
         };
         match self.pulse.update(&edge, self.fast_ppb, self.fast_doubt_ppb) {
-            PulseHeard::Candidate => Correction::Nothing,
-            PulseHeard::Refused(refusal) => Correction::RefusePulse(refusal),
+            PulseHeard::Candidate => Ok(Correction::Nothing),
+            PulseHeard::Refused(refusal) => Err(refusal),
             PulseHeard::Followed(line) => {
                 self.fast_ppb = line.fast_ppb;
                 self.fast_doubt_ppb = line.frequency_doubt_ppb;
@@ -297,11 +301,11 @@ impl Discipline {
                     latency_doubt_ns: 0,
                     ..self.course(heard.at, error_ns, line.doubt_ns, ABSORB_MS.1)
                 };
-                if core::mem::replace(&mut self.has_followed_pulse, true) {
+                Ok(if core::mem::replace(&mut self.has_followed_pulse, true) {
                     Correction::Follow(course)
                 } else {
                     Correction::First(course)
-                }
+                })
             }
         }
     }
@@ -326,10 +330,10 @@ impl Discipline {
         epoch: UtcNanos,
         residual_ns: i64,
         t_acc_ns: u32,
-    ) -> Correction {
+    ) -> Result<Correction, Refusal> {
         self.run.add(residual_ns);
         if self.run.length < AGREEING {
-            return Correction::Refuse(Refusal::Outlier);
+            return Err(Refusal::Outlier);
         }
         let Run {
             smallest_ns,
@@ -353,7 +357,8 @@ impl Discipline {
         let _ = self.hear_envelope(heard, epoch);
         self.told = Some((heard.at.as_nanos(), epoch.0));
         let doubt_ns = spread_ns + t_acc_ns as f32;
-        Correction::Step(self.course(heard.at, by_ns, doubt_ns, ABSORB_MS.0))
+        let course = self.course(heard.at, by_ns, doubt_ns, ABSORB_MS.0);
+        Ok(Correction::Step(course))
     }
 
     /// Whether the messages have contradicted the pulse for long enough.

@@ -52,6 +52,7 @@ pub fn run_all() -> Result<()> {
             .args(["doc", "--workspace", "--no-deps", "--locked"])
             .env("RUSTDOCFLAGS", "--deny warnings"),
     )?;
+    step("bounds", xtask().args(["compare", "--check"]))?;
     step("size", xtask().arg("size"))?;
     step("board tests", xtask().arg("board-test"))?;
     step("cost", xtask().arg("bench"))?;

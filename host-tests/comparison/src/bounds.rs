@@ -86,7 +86,7 @@ pub struct Verdict {
 const MS: f64 = 1e6;
 const US: f64 = 1e3;
 
-/// What each case is bounded by beside [`everywhere`].
+/// What each case is bounded by, beside what holds `everywhere`.
 const TABLE: [(&str, &[(Quantity, f64)]); 16] = [
     (
         "m8",

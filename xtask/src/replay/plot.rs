@@ -20,7 +20,7 @@ const COLOURS: [RGBColor; 5] = [
     RGBColor(0, 158, 115),
     RGBColor(204, 121, 167),
 ];
-const DOTS: RGBColor = RGBColor(190, 190, 190);
+const DOTS: RGBColor = RGBColor(120, 120, 120);
 const FONT: &str = "sans-serif";
 
 /// Draws it into the file `svg`.
@@ -50,16 +50,8 @@ pub fn draw(replayed: &Replayed, title: &str, svg: &Path) -> Result<()> {
         .y_desc("ms ahead of the best smooth line")
         .draw()?;
     let inside = |y: f64| (low..=high).contains(&y);
-    let dots = replayed.arrivals.iter();
-    let dots = dots.map(|&(at, ahead)| (seconds(at), ms(ahead)));
-    chart
-        .draw_series(
-            dots.filter(|&(_, y)| inside(y))
-                .map(|point| Circle::new(point, 1, DOTS.filled())),
-        )?
-        .label("arrivals")
-        .legend(|(x, y)| Circle::new((x + 10, y), 2, DOTS.filled()));
-    for (track, colour) in replayed.tracks.iter().zip(COLOURS) {
+    // Ours last, on top of all others.
+    for (track, colour) in replayed.tracks.iter().zip(COLOURS).rev() {
         let points = replayed.at.iter().zip(&track.ahead);
         let points: Vec<_> = points
             .map(|(&at, ahead)| ahead.map(|ahead| (seconds(at), ms(ahead))))
@@ -77,8 +69,16 @@ pub fn draw(replayed: &Replayed, title: &str, svg: &Path) -> Result<()> {
             }
         }
     }
+    let dots = replayed.arrivals.iter();
+    let dots = dots.map(|&(at, ahead)| (seconds(at), ms(ahead)));
+    let dots = dots.filter(|&(_, y)| inside(y));
+    chart
+        .draw_series(dots.map(|point| Circle::new(point, 2, DOTS.filled())))?
+        .label("arrivals")
+        .legend(|(x, y)| Circle::new((x + 10, y), 2, DOTS.filled()));
     chart
         .configure_series_labels()
+        .position(SeriesLabelPosition::LowerLeft)
         .background_style(WHITE.mix(0.8))
         .border_style(BLACK.mix(0.3))
         .label_font((FONT, 14))
@@ -101,4 +101,32 @@ fn scale(replayed: &Replayed) -> (f64, f64) {
     }
     let margin = 0.1 * (high - low).max(0.1);
     (low - margin, high + margin)
+}
+
+#[cfg(test)]
+mod tests {
+    use comparison::trace::{HEADER, Trace};
+
+    use super::*;
+
+    #[test]
+    fn the_picture_names_every_clock_that_was_set() {
+        let rows = (0..600_u64).map(|i| {
+            let utc = 1_800_000_000_000_000 + i * 200_000;
+            format!("{},{utc}", i * 200_000 + 40_000 + i * 7_919 % 30_000)
+        });
+        let text = format!("{HEADER}\n{}", rows.collect::<Vec<_>>().join("\n"));
+        let replayed = Trace::parse(&text).unwrap().replay();
+        let name = format!("pixclock-plot-{}.svg", std::process::id());
+        let file = std::env::temp_dir().join(name);
+        draw(&replayed, "a trace", &file).unwrap();
+        let picture = std::fs::read_to_string(&file).unwrap();
+        std::fs::remove_file(&file).unwrap();
+        for word in [
+            "<svg", "a trace", "arrivals", "ours", "paper", "px4", "chrony",
+        ] {
+            assert!(picture.contains(word), "{word}");
+        }
+        assert_eq!(picture.matches("<circle").count(), 601, "one in the legend");
+    }
 }

@@ -115,3 +115,71 @@ impl Anchor {
         (passed_s >= LEAST_SLOPE_S && is_steady).then_some(slope_ppb)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND: u64 = 1_000_000_000;
+
+    fn floor(fast_ppb: f32) -> Floor {
+        Floor {
+            excess_ns: 0,
+            fast_ppb,
+            doubt_ns: 50_000.0,
+            frequency_doubt_ppb: 500.0,
+            slow_ppb: Some(fast_ppb),
+        }
+    }
+
+    /// Floors a second apart, of a receiver that drifts by so much on a crystal that is 20 ppm fast; how many
+    /// were refused.
+    fn refused(
+        anchor: &mut Anchor,
+        from_s: u64,
+        to_s: u64,
+        drift_ppb: i64,
+        off_ns: &mut i64,
+    ) -> u64 {
+        let mut refused = 0;
+        for s in from_s..to_s {
+            *off_ns += drift_ppb;
+            let utc_ns = (s * SECOND).cast_signed() - s.cast_signed() * 20_000 + *off_ns;
+            refused += u64::from(!anchor.reaches(s * SECOND, utc_ns, &floor(20_000.0)));
+        }
+        refused
+    }
+
+    #[test]
+    fn what_a_crystal_does_is_followed_and_what_none_does_is_not() {
+        for drift_ppb in [10_000, -10_000, 30_000] {
+            let (mut anchor, mut off_ns) = (Anchor::new(), 0);
+            assert_eq!(refused(&mut anchor, 0, 3_000, drift_ppb, &mut off_ns), 0);
+        }
+        for drift_ppb in [100_000, -100_000] {
+            let (mut anchor, mut off_ns) = (Anchor::new(), 0);
+            refused(&mut anchor, 0, 600, 0, &mut off_ns);
+            // 20 ms at 100 less 40 ppm are 333 s.
+            let drifting = refused(&mut anchor, 600, 1_600, drift_ppb, &mut off_ns);
+            assert!((660..=670).contains(&drifting), "{drifting}");
+            // 60 ms off at the end; 40 ppm draw the line into reach again in 1 000 s.
+            let back = refused(&mut anchor, 1_600, 3_600, 0, &mut off_ns);
+            assert!((990..=1_010).contains(&back), "{back}");
+        }
+    }
+
+    #[test]
+    fn the_whole_locks_frequency_is_that_of_a_steady_crystal() {
+        let (mut anchor, mut off_ns) = (Anchor::new(), 0);
+        refused(&mut anchor, 0, 150, 0, &mut off_ns);
+        assert_eq!(anchor.steady_ppb(20_000.0, 0.0), None, "too short");
+        refused(&mut anchor, 150, 5_000, 0, &mut off_ns);
+        let steady = anchor.steady_ppb(21_000.0, 0.0).unwrap();
+        assert!((steady - 20_000.0).abs() < 1.0, "{steady}");
+        assert_eq!(
+            anchor.steady_ppb(25_000.0, 0.0),
+            None,
+            "the crystal has moved"
+        );
+    }
+}

@@ -304,3 +304,120 @@ pub(crate) const fn nearest_second(ns: i64) -> i64 {
     let up = ns.saturating_add(SECOND_NS / 2);
     up.saturating_sub(up.rem_euclid(SECOND_NS))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: i64 = 1_000_000;
+    const START_NS: i64 = 1_800_000_000 * SECOND_NS;
+    const UNKNOWN: (i64, i64) = (-20 * MS, 300 * MS);
+
+    /// An edge so many ns after boot, on a crystal that is 10 ppm fast; the messages are 70 ms behind.
+    fn edge(true_ns: i64) -> Edge {
+        Edge {
+            at_ns: (true_ns + true_ns / 100_000) as u64,
+            told_ns: START_NS + true_ns - 70 * MS,
+            plausible_ns: UNKNOWN,
+        }
+    }
+
+    fn hear(pulse: &mut Pulse, true_ns: i64) -> PulseHeard {
+        pulse.update(&edge(true_ns), 0.0, 25_000.0)
+    }
+
+    fn followed(seconds: i64) -> Pulse {
+        let mut pulse = Pulse::new();
+        for s in 1..=seconds {
+            hear(&mut pulse, s * SECOND_NS);
+        }
+        assert!(pulse.is_followed());
+        pulse
+    }
+
+    #[test]
+    fn the_fifth_that_fits_is_followed_and_names_its_second() {
+        let mut pulse = Pulse::new();
+        for s in 1..5 {
+            assert_eq!(hear(&mut pulse, s * SECOND_NS), PulseHeard::Candidate);
+            assert_eq!(pulse.utc_at(0), None);
+        }
+        for s in 5..60 {
+            let PulseHeard::Followed(line) = hear(&mut pulse, s * SECOND_NS) else {
+                panic!("second {s}");
+            };
+            let off_ns = line.utc_ns - (START_NS + s * SECOND_NS);
+            assert!(off_ns.abs() <= 10, "{off_ns}");
+        }
+        let at = edge(60 * SECOND_NS);
+        let (utc_ns, doubt_ns) = pulse.utc_at(at.at_ns).unwrap();
+        let off_ns = utc_ns - (START_NS + 60 * SECOND_NS);
+        assert!(off_ns.abs() <= 10 && doubt_ns > 10.0, "{off_ns} {doubt_ns}");
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused_by_its_kind() {
+        use PulseRefusal::{Doubled, OffLine};
+        let mut pulse = followed(30);
+        let at = 30 * SECOND_NS;
+        for (off_ns, refusal) in [
+            (50_000, Doubled),
+            (400 * MS, Doubled),
+            (600 * MS, OffLine),
+            (SECOND_NS - 5_000, OffLine),
+            (SECOND_NS + 5_000, OffLine),
+        ] {
+            assert_eq!(hear(&mut pulse, at + off_ns), PulseHeard::Refused(refusal));
+        }
+        let next = hear(&mut pulse, at + SECOND_NS);
+        assert!(matches!(next, PulseHeard::Followed(_)));
+    }
+
+    #[test]
+    fn a_pulse_that_is_not_on_the_second_is_no_candidate() {
+        for (off_ms, is_refused) in [(0, false), (-100, false), (100, true), (500, true)] {
+            let heard = hear(&mut Pulse::new(), 7 * SECOND_NS + off_ms * MS);
+            let expected = if is_refused {
+                PulseHeard::Refused(PulseRefusal::OffSecond)
+            } else {
+                PulseHeard::Candidate
+            };
+            assert_eq!(heard, expected, "{off_ms} ms");
+        }
+        // With a latency that is known, 100 ms early is not plausible either.
+        let known = Edge {
+            told_ns: START_NS + 7 * SECOND_NS - 100 * MS,
+            plausible_ns: (-20 * MS, 20 * MS),
+            ..edge(7 * SECOND_NS)
+        };
+        let heard = Pulse::new().update(&known, 0.0, 0.0);
+        assert_eq!(heard, PulseHeard::Refused(PulseRefusal::OffSecond));
+    }
+
+    #[test]
+    fn after_ten_seconds_the_search_begins_anew() {
+        let mut pulse = followed(30);
+        // Half a ms off: refused as long as the old line counts.
+        let moved = |s: i64| s * SECOND_NS + MS / 2;
+        for s in 31..=39 {
+            assert!(matches!(hear(&mut pulse, moved(s)), PulseHeard::Refused(_)));
+        }
+        for s in 41..45 {
+            assert_eq!(hear(&mut pulse, moved(s)), PulseHeard::Candidate);
+        }
+        assert!(matches!(
+            hear(&mut pulse, moved(45)),
+            PulseHeard::Followed(_)
+        ));
+    }
+
+    #[test]
+    fn seconds_can_get_other_numbers() {
+        let mut pulse = followed(10);
+        let at_ns = edge(10 * SECOND_NS).at_ns;
+        let (before_ns, _) = pulse.utc_at(at_ns).unwrap();
+        pulse.renumber(-18 * SECOND_NS);
+        let (after_ns, _) = pulse.utc_at(at_ns).unwrap();
+        assert_eq!(after_ns - before_ns, -18 * SECOND_NS);
+    }
+}

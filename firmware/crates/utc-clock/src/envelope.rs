@@ -49,7 +49,11 @@ pub const TOO_EARLY_NS: i32 = -20_000_000;
 /// believed: the floor has moved. A second of a 5 Hz receiver.
 const EARLY_AGREEING: u8 = 5;
 
-/// A line that no mark has touched for so long is forgotten, except for its frequency:
+/// Without a mark so near to a line that is known, for so long, the floor has moved, in s: even of marks that
+/// are spread over 90 ms a fifth come so near, and jitter of an M8 that is correlated over 20 s does, too.
+const MOVED_AFTER_S: f32 = 90.0;
+
+/// After so much silence a line is forgotten, except for its frequency:
 /// the longest window, in s.
 const FORGET_AFTER_S: f32 = 120.0;
 
@@ -135,6 +139,8 @@ pub struct Envelope {
     started_us: u64,
     /// µs since boot, in full.
     last_us: u64,
+    /// The last mark that came near the line, in µs since boot.
+    touched_us: u64,
     /// From the start to the mark that is being heard, in s.
     age_s: f32,
     bins: Bins<BINS>,
@@ -144,6 +150,8 @@ pub struct Envelope {
     window_s: f32,
     /// Of the frequency, in ppb².
     variance: f32,
+    /// The last slope, while the filter may not have believed it enough yet, in ppb.
+    unexplained_ppb: f32,
     /// Marks in a row that were too early and agreed, and how far the first of them was, in ns.
     early: (u8, i32),
 }
@@ -161,6 +169,7 @@ impl Envelope {
             is_empty: true,
             started_us: 0,
             last_us: 0,
+            touched_us: 0,
             age_s: 0.0,
             bins: Bins::new(BIN_US),
             edge: Edge::new(),
@@ -168,6 +177,7 @@ impl Envelope {
             chore: Chore::Nothing,
             window_s: WINDOW_S.0,
             variance: doubt_ppb * doubt_ppb,
+            unexplained_ppb: 0.0,
             early: (0, 0),
         }
     }
@@ -184,13 +194,22 @@ impl Envelope {
             return Heard::Floor(self.floor(point));
         }
         let silence_s = elapsed_s(at_us, self.last_us);
+        self.last_us = at_us;
         if silence_s > FORGET_AFTER_S {
             self.return_after_silence(at_us, silence_s);
         }
         self.age_s = elapsed_s(at_us, self.started_us);
         let excess_ns = self.line.excess_ns(point);
-        if excess_ns > TOO_LATE_NS && !self.is_young() {
-            return Heard::Late;
+        if excess_ns < -TOO_EARLY_NS {
+            self.touched_us = at_us;
+        } else if !self.is_young() {
+            if elapsed_s(at_us, self.touched_us) > MOVED_AFTER_S {
+                self.begin(at_us, point);
+                return Heard::Moved(self.floor(point));
+            }
+            if excess_ns > TOO_LATE_NS {
+                return Heard::Late;
+            }
         }
         if excess_ns < TOO_EARLY_NS && !self.is_young() {
             let (agreeing, first_ns) = self.early;
@@ -208,7 +227,6 @@ impl Envelope {
             return Heard::Moved(self.floor(point));
         }
         self.early = (0, 0);
-        self.last_us = at_us;
         self.take_in(point, excess_ns);
         Heard::Floor(self.floor(point))
     }
@@ -224,7 +242,7 @@ impl Envelope {
             excess_ns: self.line.excess_ns(point),
             fast_ppb: self.line.fast_ppb,
             doubt_ns: self.doubt_ns(),
-            frequency_doubt_ppb: libm::sqrtf(self.variance),
+            frequency_doubt_ppb: libm::sqrtf(self.variance).max(self.unexplained_ppb / 2.0),
             slow_ppb: self.wander.slow_ppb(),
         }
     }
@@ -234,6 +252,7 @@ impl Envelope {
         self.is_empty = false;
         self.started_us = at_us;
         self.last_us = at_us;
+        self.touched_us = at_us;
         self.age_s = 0.0;
         self.line = self.line.through(point);
         self.bins.begin(point);
@@ -342,6 +361,15 @@ impl Envelope {
             self.variance = slope_ppb * slope_ppb / 4.0;
             return;
         }
+        if !self.is_young() && slope_ppb.abs() * apart_s > BEYOND_WANDER_NS {
+            // A floor that jumps is no frequency.
+            return;
+        }
+        self.unexplained_ppb = if self.is_young() {
+            slope_ppb.abs()
+        } else {
+            0.0
+        };
         let gain = self.variance / (self.variance + slope_doubt * slope_doubt * worth);
         self.line.fast_ppb += gain * slope_ppb;
         self.variance *= 1.0 - gain;
@@ -411,7 +439,10 @@ impl Envelope {
         };
         let filling = self.bins.filling();
         let lowest = recent.chain(long).chain(&filling);
-        if let Some(excess_ns) = lowest.map(|point| line.excess_ns(*point)).min() {
+        let lowest_ns = lowest.map(|point| line.excess_ns(*point)).min();
+        // Whether a floor has moved farther is for the marks to come to say.
+        let is_near = |ns: &i32| *ns < -TOO_EARLY_NS || self.is_young();
+        if let Some(excess_ns) = lowest_ns.filter(is_near) {
             self.line = line.raised(excess_ns);
         }
     }
@@ -420,7 +451,7 @@ impl Envelope {
     fn doubt_ns(&self) -> f32 {
         let span_s = self.span_s();
         let bend_ns = DRIFT_PPB_PER_S * span_s * span_s / 14.0;
-        let tilt_ns = 0.4 * libm::sqrtf(self.variance) * span_s;
+        let tilt_ns = (0.4 * libm::sqrtf(self.variance)).max(0.5 * self.unexplained_ppb) * span_s;
         self.edge.doubt_ns() + bend_ns + tilt_ns + 2.0 * self.wander.scatter_ns()
     }
 }

@@ -21,6 +21,7 @@ use rigless::snapshot::Store;
 use rigless::soc::stm32f427::Stm32f427;
 
 use crate::meter::Meter;
+use crate::pulse_wire::PulseWire;
 use crate::wire::Wire;
 
 /// The crystal of the Pixhawk 1 (PX4 `boards/px4/fmu-v2`, `board.h`), in Hz.
@@ -37,6 +38,7 @@ pub(crate) const TELEM1: usize = 1;
 #[derive(Debug)]
 pub(crate) struct Pixhawk1 {
     pub(crate) mcu: Stm32f427,
+    pub(crate) pulse: PulseWire,
     hse_hz: u64,
     meter: Meter,
 }
@@ -45,11 +47,12 @@ impl Store for Pixhawk1 {}
 
 impl Pixhawk1 {
     /// A board whose crystal is `crystal_ppb` off, with what hangs on its serial
-    /// ports.
+    /// ports and on AUX5.
     pub(crate) fn new(
         crystal_ppb: i32,
         gps: Wire,
         telem1: Wire,
+        pulse: PulseWire,
         meter: Meter,
     ) -> anyhow::Result<Self> {
         let hse_hz = hse_hz(crystal_ppb);
@@ -58,7 +61,12 @@ impl Pixhawk1 {
         mcu.set_supply(SUPPLY_MV);
         mcu.usart[GPS].attach(gps);
         mcu.usart[TELEM1].attach(telem1);
-        Ok(Self { mcu, hse_hz, meter })
+        Ok(Self {
+            mcu,
+            pulse,
+            hse_hz,
+            meter,
+        })
     }
 
     /// What hangs on serial port `nth`, and whether the board listens there, at

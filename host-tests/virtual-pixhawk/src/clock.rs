@@ -23,6 +23,7 @@ use anyhow::ensure;
 use rigless::mcu::Operate as _;
 use rigless::soc::Width;
 use timebase::Cycles;
+use timebase::capture::Phase;
 use utc_clock::{Published, Reading};
 use world::WorldNanos;
 
@@ -34,6 +35,9 @@ const ANCHOR: &str = "firmware::drivers::time::WORDS";
 /// TIM5's counter (RM0090 2.3, 18.4.10), which counts every second core cycle.
 const WITNESS: u64 = 0x4000_0C00 + 0x24;
 const WITNESS_RATIO: u32 = 2;
+/// TIM4's capture of channel 2 (RM0090 18.4.15), and what the firmware knows about it.
+const CAPTURE: u64 = 0x4000_0800 + 0x38;
+const PHASE: &str = "firmware::drivers::pulse::PHASE";
 /// Between two looks, in ns, and by how many cycles they may disagree about it.
 const APART_NS: u64 = 2_000;
 const APART_CYCLES: u64 = 336;
@@ -77,21 +81,39 @@ impl Pixhawk {
         anyhow::bail!("the board's time since boot does not run")
     }
 
+    /// When the pulse's last edge came by the board's own count, at most 774 µs before
+    /// `now`: from the timer's capture and the phase that the firmware measured.
+    ///
+    /// # Errors
+    ///
+    /// The image has no such phase, or the emulator gave up.
+    pub fn captured_edge(&mut self, now: Cycles) -> anyhow::Result<Cycles> {
+        let words = self.words(PHASE)?;
+        let phase = Phase::from_bits(words.first().copied().unwrap_or_default());
+        Ok(phase.edge(self.peek(CAPTURE)? as u16, now))
+    }
+
     /// Cycles since boot; wrong in the middle of the tick interrupt.
     fn cycles(&mut self) -> anyhow::Result<Cycles> {
         let words = self.words(ANCHOR)?;
         let &[low, high, at_anchor, ..] = words.as_slice() else {
             anyhow::bail!("{ANCHOR} has other words than expected");
         };
-        let witness = self.order(|stopped| {
-            let part = &mut stopped.session.board_mut().mcu;
-            part.peek(stopped.stop.at, WITNESS, Width::W32)
-        })??;
-        let since = (witness as u32)
+        let since = self
+            .peek(WITNESS)?
             .wrapping_sub(at_anchor)
             .wrapping_mul(WITNESS_RATIO);
         let anchor = u64::from(high) << 32 | u64::from(low);
         Ok(Cycles(anchor + u64::from(since)))
+    }
+
+    /// A register of the part, without the side effects of a read.
+    fn peek(&mut self, address: u64) -> anyhow::Result<u32> {
+        let value = self.order(move |stopped| {
+            let part = &mut stopped.session.board_mut().mcu;
+            part.peek(stopped.stop.at, address, Width::W32)
+        })??;
+        Ok(value as u32)
     }
 
     fn time_line(&mut self) -> anyhow::Result<Published> {

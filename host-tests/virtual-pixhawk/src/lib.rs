@@ -6,7 +6,7 @@
 //! *Design.* `rigless` emulates the part; this crate is the one place that knows it.
 //! A [`Builder`] takes the [`Firmware`], the crystal's error and a
 //! [`Talker`](world::Talker) for each connector: a simulated receiver or a recording,
-//! a [`Script`] or a [`TcpLine`]. A [`Pixhawk`] is brought from moment to moment, its
+//! a [`Script`] or a [`TcpLine`]; and the pulse that belongs to the receiver. A [`Pixhawk`] is brought from moment to moment, its
 //! log, its statics and what it has sent are read where it stands, and a meter counts
 //! what it executes. [`Gaps`] says how far a run can be believed.
 //!
@@ -20,6 +20,7 @@ mod gaps;
 mod image;
 mod meter;
 mod operator;
+mod pulse_wire;
 mod rtt;
 mod run;
 mod script;

@@ -1,7 +1,7 @@
 //! Who stands at the emulator's controls while a board runs.
 //!
 //! *Purpose.* The driver that `rigless` calls at every stop: it brings the far ends of
-//! the lines to the moment, reads the log, and takes orders.
+//! the lines and of the pulse's wire to the moment, reads the log, and takes orders.
 //!
 //! *Design.* The run stops where a far end has something to do, and each ms of true
 //! time to read the log; these moments do not depend on the orders, so neither does
@@ -126,9 +126,12 @@ impl Operator {
 
     /// The next moment after `now` at which the world needs the run to stop.
     fn next_stop(session: &mut Session<Pixhawk1>, now: WorldNanos) -> Option<WorldNanos> {
+        let board = session.board_mut();
+        let pulse = board.pulse.next_stop(now);
         [GPS, TELEM1]
             .into_iter()
-            .filter_map(|nth| session.board_mut().wire(nth)?.next_stop(now))
+            .filter_map(|nth| board.wire(nth)?.next_stop(now))
+            .chain(pulse)
             .min()
     }
 }
@@ -174,6 +177,8 @@ impl Driver<Pixhawk1> for Operator {
         host: &mut dyn Host,
     ) -> Option<VirtualNanos> {
         let now = WorldNanos(stop.at.0);
+        let Pixhawk1 { mcu, pulse, .. } = session.board_mut();
+        pulse.prepare(now, mcu);
         if now.0.is_multiple_of(LOG_EVERY_NS) {
             self.log.read(now, host);
         }

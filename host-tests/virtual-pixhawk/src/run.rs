@@ -20,13 +20,14 @@ use rigless::emulator::{self, Start};
 use rigless::session::Session;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
-use world::{Sent, Talker, WorldNanos};
+use world::{Pulse, Sent, Talker, WorldNanos};
 
 use crate::board::{GPS, Pixhawk1, TELEM1};
 use crate::gaps::Gaps;
 use crate::image::Firmware;
 use crate::meter::{Meter, Profile};
 use crate::operator::{Log, Logged, Next, Operator, Order, Stopped};
+use crate::pulse_wire::PulseWire;
 use crate::script::Script;
 use crate::wire::{HeardByte, Wire};
 
@@ -54,6 +55,7 @@ pub struct Builder {
     crystal_ppb: i32,
     gps: Box<dyn Talker + Send>,
     telem1: Box<dyn Talker + Send>,
+    pulse: PulseWire,
 }
 
 /// A virtual Pixhawk 1 that runs an image.
@@ -76,6 +78,7 @@ impl Builder {
             crystal_ppb: 0,
             gps: Box::new(Script::default()),
             telem1: Box::new(Script::default()),
+            pulse: PulseWire::new(std::iter::empty()),
         }
     }
 
@@ -101,6 +104,13 @@ impl Builder {
         self
     }
 
+    /// Puts these pulses, in the order of their edges, on AUX5.
+    #[must_use]
+    pub fn pulse(mut self, pulses: impl Iterator<Item = Pulse> + Send + 'static) -> Self {
+        self.pulse = PulseWire::new(pulses);
+        self
+    }
+
     /// Gives it power. It stands at the world's start, before its first instruction.
     ///
     /// # Errors
@@ -112,6 +122,7 @@ impl Builder {
             crystal_ppb,
             gps,
             telem1,
+            pulse,
         } = self;
         let meter = Meter::default();
         let log = Log::new(&firmware)?;
@@ -119,6 +130,7 @@ impl Builder {
             crystal_ppb,
             Wire::new(gps),
             Wire::new(telem1),
+            pulse,
             meter.clone(),
         )?;
         let images = firmware.flash()?;

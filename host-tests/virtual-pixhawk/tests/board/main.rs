@@ -11,4 +11,6 @@ mod clock;
 #[cfg(test)]
 mod common;
 #[cfg(test)]
+mod pulse;
+#[cfg(test)]
 mod ticks;

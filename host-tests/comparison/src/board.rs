@@ -5,7 +5,7 @@
 //!
 //! *Design.* Time is the board's own cycles; whoever drives it knows the true time.
 //! The referee demands what a clock promises: later stamps have later readings, and
-//! none leaves [`MAX_BESIDE_PPB`], but for the steps that the clock's counters own
+//! none leaves the slew's limit, but for the steps that the clock's counters own
 //! up to. What it finds is counted and the first is described.
 //!
 //! *Limits.* One reader. Events come in the order of their time.
@@ -17,9 +17,9 @@ use utc_clock::{ClockState, Published, Reading, Settings, UtcClock, UtcNanos, ca
 const TIMER_LATE: u64 = 10_000;
 
 /// The most that published time may run beside true time, in ppb: the slew's
-/// 500 ppm, and 100 of a frequency that is being learnt: what a crystal of ±50 ppm
-/// is off, and as much again.
-const MAX_BESIDE_PPB: i128 = 600_000;
+/// 500 ppm, and a frequency that is no worse than a crystal of ±50 ppm of which
+/// nothing is known, but for the room of 100 ppm that a learner needs.
+const MAX_BESIDE_PPB: i128 = 650_000;
 /// And so many ns: the rounding of two stamps and two readings.
 const ROUNDING_NS: i128 = 20;
 

@@ -33,6 +33,16 @@ pub enum Temperature {
 }
 
 impl Temperature {
+    /// Its name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Constant => "constant",
+            Self::Ramp => "ramp",
+            Self::Turning => "turning",
+        }
+    }
+
     /// What it is to a crystal that it drives up, or else down.
     #[must_use]
     pub fn ramp(self, up: bool) -> Ramp {

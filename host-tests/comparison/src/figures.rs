@@ -9,7 +9,7 @@
 
 use world::others;
 
-use crate::case::Case;
+use crate::case::{Case, Temperature};
 use crate::spread::{Spread, mean, quantile};
 use crate::trial::{Own, Trial};
 
@@ -20,8 +20,12 @@ pub struct Row {
     pub name: &'static str,
     /// The difference between the two boards in the window.
     pub spread: Spread,
-    /// The largest mean of a trial.
+    /// The largest mean of a trial, and which trial that was.
     pub worst_mean: f64,
+    /// See [`Row::worst_mean`].
+    pub worst: (u64, Temperature),
+    /// The trial with the largest difference of all.
+    pub largest: (u64, Temperature),
     /// When each trial had converged, in ns after the start, sorted.
     pub converged_at: Vec<u64>,
 }
@@ -142,13 +146,22 @@ impl Row {
 fn row(name: &'static str, index: usize, trials: &[Trial]) -> Option<Row> {
     let tracks = || trials.iter().map(|trial| &trial.tracks[index]);
     let pooled = tracks().flat_map(|track| &track.differences).copied();
-    let means = tracks().filter_map(|track| mean(&track.differences));
+    let means = trials.iter().filter_map(|trial| {
+        let mean = mean(&trial.tracks[index].differences)?;
+        Some((mean, (trial.seed, trial.temperature)))
+    });
+    let (worst_mean, worst) = means.max_by(|one, other| one.0.total_cmp(&other.0))?;
+    let largest = trials
+        .iter()
+        .max_by_key(|trial| trial.tracks[index].differences.iter().max().copied())?;
     let mut converged_at: Vec<_> = tracks().map(|track| track.converged_at).collect();
     converged_at.sort_unstable();
     Some(Row {
         name,
         spread: Spread::of(pooled.collect())?,
-        worst_mean: means.fold(0.0, f64::max),
+        worst_mean,
+        worst,
+        largest: (largest.seed, largest.temperature),
         converged_at,
     })
 }

@@ -13,7 +13,7 @@ use std::fmt::Write as _;
 use serde_json::{Value, json};
 
 use crate::bounds::{Quantity, Verdict, judge};
-use crate::case::{SECOND, SETTLED_S, Unit};
+use crate::case::{SECOND, SETTLED_S, Temperature, Unit};
 use crate::figures::{Figures, Row};
 
 /// A case as text: a heading, a line a contestant, a line a bound.
@@ -71,9 +71,16 @@ pub fn text(figures: &Figures) -> String {
         };
         let mean = three(rates.mean / size);
         let p99 = three(f64::from(rates.p99) / size);
-        let _ = write!(own, "; rate: mean {mean}, p99 {p99} {unit}");
+        let _ = write!(own, "\nrate over a minute: mean {mean}, p99 {p99} {unit}");
     }
     line(&mut out, format_args!("{own}"));
+    let ours = figures.ours();
+    let told_trial = |(seed, kind): (u64, Temperature)| format!("seed {seed} {}", kind.name());
+    let (worst, largest) = (told_trial(ours.worst), told_trial(ours.largest));
+    line(
+        &mut out,
+        format_args!("ours: worst mean {worst}; largest {largest}"),
+    );
     for verdict in judge(figures) {
         line(&mut out, format_args!("{}", told(&verdict, unit)));
     }
@@ -95,7 +102,8 @@ pub fn value(figures: &Figures) -> Value {
                 "name": row.name,
                 "mean_ns": spread.mean, "p50_ns": spread.p50, "p95_ns": spread.p95,
                 "p99_ns": spread.p99, "max_ns": spread.max,
-                "worst_mean_ns": row.worst_mean,
+                "worst_mean_ns": row.worst_mean, "worst_seed": row.worst.0,
+                "largest_seed": row.largest.0,
                 "converged_p95_ns": row.converged_p95(),
             })
         })

@@ -71,8 +71,12 @@ pub struct Own {
 }
 
 /// A trial's result.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Trial {
+    /// Where its chance came from.
+    pub seed: u64,
+    /// What the temperature did.
+    pub temperature: Temperature,
     /// Ours first, then [`others::ALL`] in its order, where there is no pulse.
     pub tracks: Vec<Track>,
     /// Ours in depth.
@@ -104,7 +108,15 @@ pub fn run(case: &Case, temperature: Temperature, seed: u64) -> Trial {
         };
         world.live(case, temperature, &moments)
     });
-    side_by_side(case, &moments, lives)
+    let trial = Trial {
+        seed,
+        temperature,
+        tracks: Vec::new(),
+        own: Own::default(),
+        floors: Vec::new(),
+        ever: (0, 0),
+    };
+    side_by_side(case, &moments, lives, trial)
 }
 
 /// What chance gave to a board.
@@ -237,7 +249,7 @@ impl BoardWorld {
 }
 
 /// Lays two lives side by side.
-fn side_by_side(case: &Case, moments: &[u64], [one, other]: [Life; 2]) -> Trial {
+fn side_by_side(case: &Case, moments: &[u64], [one, other]: [Life; 2], mut trial: Trial) -> Trial {
     let window = case.window_s.start * SECOND..case.window_s.end * SECOND;
     let in_window: Vec<usize> = (0..moments.len())
         .filter(|&index| window.contains(&moments[index]))
@@ -263,11 +275,8 @@ fn side_by_side(case: &Case, moments: &[u64], [one, other]: [Life; 2]) -> Trial 
         .map(|(one, other)| one.abs_diff(*other) as u32)
         .collect();
 
-    let mut trial = Trial {
-        tracks: tracks.collect(),
-        floors: in_window.iter().map(|&index| floors[index]).collect(),
-        ..Trial::default()
-    };
+    trial.tracks = tracks.collect();
+    trial.floors = in_window.iter().map(|&index| floors[index]).collect();
     for (difference, floor) in all[0].iter().zip(&floors) {
         if let Some(difference) = difference {
             trial.ever.0 += u64::from(*difference);

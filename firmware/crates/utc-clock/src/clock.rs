@@ -261,6 +261,9 @@ impl<'a, W: Word> UtcClock<'a, W> {
             // The last mark's opinion is not worth more than this.
             self.end_slew();
             if let Some(frequency) = self.discipline.steady_frequency() {
+                // If the crystal was not steady after all, the last one was right.
+                let apart_ppb = frequency.0.saturating_sub(self.frequency.0);
+                self.doubt.frequency_ppb += apart_ppb.unsigned_abs() as f32;
                 self.frequency = frequency;
             }
             line.quality.state = ClockState::Holdover;

@@ -61,6 +61,9 @@ const CONTRADICTION_NS: i64 = 25_000_000;
 /// So many marks in a row have to contradict a pulse.
 const CONTRADICTIONS: u8 = 10;
 
+/// How far the frequency may have moved while a receiver drifted, in ppb.
+const AFTER_DRIFT_PPB: f32 = 5_000.0;
+
 /// Each mark's part in the latency that is learnt: 13 s at 5 Hz.
 const LEARNING: i64 = 64;
 
@@ -113,6 +116,8 @@ pub struct Discipline {
     anchor: Anchor,
     latency_ns: i64,
     latency_doubt_ns: u32,
+    /// The last mark was refused because the receiver drifts.
+    is_adrift: bool,
     /// The latency when the pulse began to be followed.
     latency_at_lock_ns: Option<i64>,
     contradictions: u8,
@@ -145,6 +150,7 @@ impl Discipline {
             anchor: Anchor::new(),
             latency_ns: settings.latency_ns.into(),
             latency_doubt_ns: settings.latency_doubt_ns,
+            is_adrift: false,
             latency_at_lock_ns: None,
             contradictions: 0,
             has_followed_pulse: false,
@@ -202,7 +208,8 @@ impl Discipline {
         if floor.fast_ppb > CRYSTAL_PPB || floor.fast_ppb < -CRYSTAL_PPB {
             return Err(Refusal::Crystal);
         }
-        if !self.anchor.reaches(local_ns, floor_utc_ns, &floor) {
+        self.is_adrift = !self.anchor.reaches(local_ns, floor_utc_ns, &floor);
+        if self.is_adrift {
             return Err(Refusal::Drift);
         }
         self.told = Some((local_ns, floor_utc_ns));
@@ -230,7 +237,13 @@ impl Discipline {
             Heard::Floor(floor) => Ok(floor),
             Heard::Moved(floor) => {
                 self.anchor = Anchor::new();
-                Ok(floor)
+                if !core::mem::take(&mut self.is_adrift) {
+                    return Ok(floor);
+                }
+                // What it learnt from the receiver's drift is not the crystal's frequency.
+                let doubt_ppb = self.fast_doubt_ppb.max(AFTER_DRIFT_PPB);
+                self.envelope = Envelope::new(self.fast_ppb, doubt_ppb);
+                self.hear_envelope(heard, epoch)
             }
             Heard::Late => Err(Refusal::Late),
             Heard::Early => Err(Refusal::Early),

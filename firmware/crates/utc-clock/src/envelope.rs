@@ -53,9 +53,17 @@ const EARLY_AGREEING: u8 = 5;
 /// are spread over 90 ms a fifth come so near, and jitter of an M8 that is correlated over 20 s does, too.
 const MOVED_AFTER_S: f32 = 90.0;
 
+/// A floor that has moved stands: over half of that time its lowest marks rise by no more, in ns. 44 ppm.
+const STANDS_NS: i32 = 2_000_000;
+
 /// After so much silence a line is forgotten, except for its frequency:
 /// the longest window, in s.
 const FORGET_AFTER_S: f32 = 120.0;
+
+/// The line as it ran on through silence counts for so long, in s: then the marks that came since are enough.
+const RETURN_S: f32 = 30.0;
+/// So far at most may a frequency have changed during silence, in ppb, whatever the time.
+const RETURN_PPB: f32 = 5_000.0;
 
 /// A bin, in µs.
 const BIN_US: u32 = 2_000_000;
@@ -130,6 +138,15 @@ enum Chore {
     Wander,
 }
 
+/// Marks that stay away from the line: the least excess of the first and of the second half of
+/// [`MOVED_AFTER_S`], in ns.
+#[derive(Clone, Copy, Debug)]
+struct Away {
+    since_us: u64,
+    first_ns: i32,
+    second_ns: i32,
+}
+
 /// The lower envelope of the marks.
 #[derive(Clone, Debug)]
 pub struct Envelope {
@@ -139,8 +156,8 @@ pub struct Envelope {
     started_us: u64,
     /// µs since boot, in full.
     last_us: u64,
-    /// The last mark that came near the line, in µs since boot.
-    touched_us: u64,
+    /// Since when no mark has come near a line that is known.
+    away: Option<Away>,
     /// From the start to the mark that is being heard, in s.
     age_s: f32,
     bins: Bins<BINS>,
@@ -148,6 +165,8 @@ pub struct Envelope {
     wander: Wander,
     chore: Chore,
     window_s: f32,
+    /// How far the line may have drifted while nobody was heard, in ns.
+    drifted_ns: f32,
     /// Of the frequency, in ppb².
     variance: f32,
     /// The last slope, while the filter may not have believed it enough yet, in ppb.
@@ -169,13 +188,14 @@ impl Envelope {
             is_empty: true,
             started_us: 0,
             last_us: 0,
-            touched_us: 0,
+            away: None,
             age_s: 0.0,
             bins: Bins::new(BIN_US),
             edge: Edge::new(),
             wander: Wander::new(fast_ppb),
             chore: Chore::Nothing,
             window_s: WINDOW_S.0,
+            drifted_ns: 0.0,
             variance: doubt_ppb * doubt_ppb,
             unexplained_ppb: 0.0,
             early: (0, 0),
@@ -200,16 +220,13 @@ impl Envelope {
         }
         self.age_s = elapsed_s(at_us, self.started_us);
         let excess_ns = self.line.excess_ns(point);
-        if excess_ns < -TOO_EARLY_NS {
-            self.touched_us = at_us;
-        } else if !self.is_young() {
-            if elapsed_s(at_us, self.touched_us) > MOVED_AFTER_S {
-                self.begin(at_us, point);
-                return Heard::Moved(self.floor(point));
-            }
-            if excess_ns > TOO_LATE_NS {
-                return Heard::Late;
-            }
+        if excess_ns < -TOO_EARLY_NS || self.is_young() {
+            self.away = None;
+        } else if self.has_moved(at_us, excess_ns) {
+            self.begin(at_us, point);
+            return Heard::Moved(self.floor(point));
+        } else if excess_ns > TOO_LATE_NS {
+            return Heard::Late;
         }
         if excess_ns < TOO_EARLY_NS && !self.is_young() {
             let (agreeing, first_ns) = self.early;
@@ -229,6 +246,31 @@ impl Envelope {
         self.early = (0, 0);
         self.take_in(point, excess_ns);
         Heard::Floor(self.floor(point))
+    }
+
+    /// Whether marks have stayed away from the line for long enough to say that the floor has moved. A floor that
+    /// is still moving has not.
+    fn has_moved(&mut self, at_us: u64, excess_ns: i32) -> bool {
+        let begun = Away {
+            since_us: at_us,
+            first_ns: excess_ns,
+            second_ns: i32::MAX,
+        };
+        let away = self.away.get_or_insert(begun);
+        let for_s = elapsed_s(at_us, away.since_us);
+        if for_s < MOVED_AFTER_S / 2.0 {
+            away.first_ns = away.first_ns.min(excess_ns);
+        } else {
+            away.second_ns = away.second_ns.min(excess_ns);
+        }
+        if for_s < MOVED_AFTER_S {
+            return false;
+        }
+        let stands = away.second_ns.saturating_sub(away.first_ns) <= STANDS_NS;
+        if !stands {
+            self.away = Some(begun);
+        }
+        stands
     }
 
     /// Forgets everything but the frequency: the receiver's time has jumped.
@@ -252,30 +294,43 @@ impl Envelope {
         self.is_empty = false;
         self.started_us = at_us;
         self.last_us = at_us;
-        self.touched_us = at_us;
+        self.away = None;
         self.age_s = 0.0;
         self.line = self.line.through(point);
-        self.bins.begin(point);
+        self.bins.begin(point.at_us);
+        self.bins.fill(point, 0, &self.line);
         self.edge.begin();
-        self.wander.begin(point);
+        self.wander.begin(point.at_us);
         self.chore = Chore::Nothing;
+        self.drifted_ns = 0.0;
         self.early = (0, 0);
     }
 
-    /// The window is empty: begins anew at the line as it ran on, so that the first mark back, which
-    /// may be any late, does not draw the clock after it.
+    /// The window is empty: begins anew at the line as it ran on, so that the first marks back, which
+    /// may be any late, do not draw the clock after them. It is a point of the past, and leaves the window before
+    /// theirs do.
     fn return_after_silence(&mut self, at_us: u64, silence_s: f32) {
-        let drifted_ns =
-            0.5 * DRIFT_PPB_PER_S * silence_s * silence_s + libm::sqrtf(self.variance) * silence_s;
-        self.variance += DRIFT_PPB_PER_S * silence_s * DRIFT_PPB_PER_S * silence_s;
+        let ramp_ppb = (DRIFT_PPB_PER_S * silence_s).min(RETURN_PPB);
         // Its low word has wrapped if the silence was longer than 35 minutes; the level then
         // means nothing, and is as good as any.
-        let above = self.line.moved_to(at_us as u32).raised(drifted_ns as i32);
-        let above = Point {
-            at_us: above.at_us,
-            lateness_ns: above.level_ns,
-        };
-        self.begin(at_us, above);
+        let line = self.line.moved_to(at_us as u32);
+        let drifted_ns = (0.5 * ramp_ppb + libm::sqrtf(self.variance)) * silence_s;
+        self.begin(
+            at_us,
+            Point {
+                at_us: line.at_us,
+                lateness_ns: line.level_ns,
+            },
+        );
+        let before_us = (self.window_s - RETURN_S).max(0.0) * 1e6;
+        let past = line.moved_to(line.at_us.wrapping_sub(before_us as u32));
+        self.bins.begin(line.at_us);
+        self.bins.keep(Point {
+            at_us: past.at_us,
+            lateness_ns: past.level_ns,
+        });
+        self.variance += ramp_ppb * ramp_ppb;
+        self.drifted_ns = drifted_ns;
     }
 
     fn is_young(&self) -> bool {
@@ -452,7 +507,12 @@ impl Envelope {
         let span_s = self.span_s();
         let bend_ns = DRIFT_PPB_PER_S * span_s * span_s / 14.0;
         let tilt_ns = (0.4 * libm::sqrtf(self.variance)).max(0.5 * self.unexplained_ppb) * span_s;
-        self.edge.doubt_ns() + bend_ns + tilt_ns + 2.0 * self.wander.scatter_ns()
+        let drifted_ns = if self.age_s < RETURN_S {
+            self.drifted_ns
+        } else {
+            0.0
+        };
+        self.edge.doubt_ns() + bend_ns + tilt_ns + drifted_ns + 2.0 * self.wander.scatter_ns()
     }
 }
 

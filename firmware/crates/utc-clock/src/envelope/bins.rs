@@ -38,12 +38,12 @@ impl<const N: usize> Bins<N> {
         }
     }
 
-    /// Begins anew, with `point` in the first bin.
-    pub(super) const fn begin(&mut self, point: Point) {
+    /// Begins anew, without a point.
+    pub(super) const fn begin(&mut self, at_us: u32) {
         self.length = 0;
         self.next = 0;
-        self.filling = Some(point);
-        self.ends_us = point.at_us.wrapping_add(self.width_us);
+        self.filling = None;
+        self.ends_us = at_us.wrapping_add(self.width_us);
     }
 
     /// Whether the time of the bin that is being filled is over.
@@ -55,12 +55,17 @@ impl<const N: usize> Bins<N> {
     pub(super) fn close(&mut self, at_us: u32) -> Option<Point> {
         self.ends_us = at_us.wrapping_add(self.width_us);
         let lowest = self.filling.take()?;
+        self.keep(lowest);
+        Some(lowest)
+    }
+
+    /// Keeps a point as if it were the lowest of a full bin.
+    pub(super) fn keep(&mut self, point: Point) {
         if let Some(place) = self.full.get_mut(self.next) {
-            *place = lowest;
+            *place = point;
         }
         self.next = if self.next + 1 < N { self.next + 1 } else { 0 };
         self.length = (self.length + 1).min(N);
-        Some(lowest)
     }
 
     /// Puts a point that is `excess_ns` above `line` into the bin that is being filled. Of the two lowest so far
@@ -101,7 +106,7 @@ mod tests {
     fn the_lowest_of_the_newest_bins_are_kept() {
         let line = Line::default();
         let mut bins = Bins::<3>::new(10);
-        bins.begin(point(0, 50));
+        bins.begin(0);
         for bin in 0..7_u32 {
             let at_us = bin * 10 + 5;
             for lateness_ns in [40 + bin, 30 + bin, 60] {

@@ -25,7 +25,7 @@ const UNKNOWN_NS: f32 = 30e6;
 const GUESSES: f32 = 2.0;
 const GUESS_NS: f32 = 5e6;
 /// And then over so many bins.
-const GAPS_OVER: f32 = 40.0;
+const GAPS_OVER: f32 = 150.0;
 
 /// Ten marks of a bin of 2 s: their lowest two are 1/2λ apart, more than half of it where the edge
 /// is half a bell. So many ns·s are 1/λ for each ns of gap.
@@ -171,7 +171,7 @@ mod tests {
     #[test]
     fn the_guess_is_soon_forgotten() {
         let mut edge = Edge::new();
-        for _ in 0..500 {
+        for _ in 0..2_000 {
             edge.note(1_000);
             edge.note(400);
             edge.close_bin(100);

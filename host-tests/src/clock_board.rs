@@ -19,7 +19,7 @@
 )]
 
 use timebase::{CORE_HZ, CivilTime, Cycles, PulseForecast, PulseMark, TimeMark, Validity};
-use utc_clock::clock::{LEAD, MAX_SLEW};
+use utc_clock::clock::LEAD;
 use utc_clock::{
     ClockState, Outcome, Published, PulseOutcome, Reading, Settings, UtcClock, UtcNanos, calendar,
 };
@@ -41,6 +41,8 @@ pub const FRAME_NS: i64 = 8_700_000;
 const PULSE_TASK_NS: i64 = 20_000;
 /// How late the firmware's timers are: a tick and a wake-up.
 const TIMER_LATE: u64 = 10_000;
+/// How much faster or slower than its frequency the clock may go, in ppb.
+const SLEW_PPB: i128 = 500_000;
 /// How much worse than nothing a frequency may be, in ppb: a learner of 50 ppm
 /// needs that much room.
 const MARGIN_PPB: f64 = 100_000.0;
@@ -309,9 +311,8 @@ impl<'a> Board<'a> {
         let cycles = i128::from(now.since(then));
         let nominal_ns = cycles * i128::from(SECOND) / i128::from(CORE_HZ);
         let beside_ns = i128::from(passed_ns) - nominal_ns - i128::from(steps_ns);
-        let slew = i128::from(MAX_SLEW.0);
-        let slowest_ns = nominal_ns * (i128::from(slowest_ppb) - slew) / i128::from(SECOND);
-        let fastest_ns = nominal_ns * (i128::from(fastest_ppb) + slew) / i128::from(SECOND);
+        let slowest_ns = nominal_ns * (i128::from(slowest_ppb) - SLEW_PPB) / i128::from(SECOND);
+        let fastest_ns = nominal_ns * (i128::from(fastest_ppb) + SLEW_PPB) / i128::from(SECOND);
         assert!(
             (slowest_ns - 2..=fastest_ns + 2).contains(&beside_ns),
             "at {} ns: {beside_ns} ns in {nominal_ns} ns, for {slowest_ns} to {fastest_ns}",

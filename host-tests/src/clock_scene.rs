@@ -32,9 +32,10 @@ pub struct Scene {
     pub crystal: CrystalSettings,
     /// Its receiver.
     pub receiver: ReceiverSettings,
-    /// Whether the pulse's wire is plugged in.
-    pub has_pulse: bool,
-    /// When messages are lost on the way, in ns of the world's time.
+    /// Whose time pulse is plugged in, if any; most often the receiver's.
+    pub pulse: Option<ReceiverSettings>,
+    /// When messages are lost on the way, in ns of the world's time; `i64::MAX` ends one
+    /// that is for ever.
     pub deaf: Vec<Range<i64>>,
 }
 
@@ -56,16 +57,21 @@ impl Scene {
                 port: Port::CONFIGURED,
                 ..ReceiverSettings::new(START.0)
             },
-            has_pulse: false,
+            pulse: None,
             deaf: Vec::new(),
         }
     }
 
-    /// The same with its pulse plugged in.
+    /// The same with the pulse of the receiver as it is now plugged in, and a latency that nobody knows: a
+    /// pulse tells.
     #[must_use]
     pub fn with_pulse(self) -> Self {
         Self {
-            has_pulse: true,
+            pulse: Some(self.receiver.clone()),
+            settings: Settings {
+                latency_doubt_ns: Settings::DEFAULT.latency_doubt_ns,
+                ..self.settings
+            },
             ..self
         }
     }
@@ -110,6 +116,8 @@ enum What {
 
 fn events(scene: &Scene) -> Box<dyn Iterator<Item = Event>> {
     let deaf = scene.deaf.clone();
+    let for_ever = deaf.iter().find(|deaf| deaf.end == i64::MAX);
+    let end = for_ever.map_or(i64::MAX, |deaf| deaf.start);
     let mut marks = Arrivals::new(&scene.receiver)
         .map(|arrival| Event {
             happened: arrival.first_byte_end.0.cast_signed(),
@@ -118,13 +126,14 @@ fn events(scene: &Scene) -> Box<dyn Iterator<Item = Event>> {
                 epoch_utc_ns: arrival.epoch_utc_ns,
             },
         })
+        .take_while(move |event| event.happened < end)
         .filter(move |event| !deaf.iter().any(|deaf| deaf.contains(&event.happened)))
         .peekable();
-    if !scene.has_pulse {
+    let Some(pulse) = &scene.pulse else {
         return Box::new(marks);
-    }
-    let has_forecasts = scene.receiver.port.tim_tp_every > 0;
-    let mut pulses = Pulses::new(&scene.receiver)
+    };
+    let has_forecasts = pulse.port.tim_tp_every > 0;
+    let mut pulses = Pulses::new(pulse)
         .flat_map(move |pulse| {
             let edge = pulse.edge.0.cast_signed();
             let told = edge - FORECAST_AHEAD_NS;
@@ -230,6 +239,23 @@ impl Play<'_> {
         since.filter(|(_, outcome)| is(outcome)).count()
     }
 
+    /// How many pulses since `from_ns` had an outcome like that.
+    pub fn count_pulses(&self, from_ns: i64, is: impl Fn(&PulseOutcome) -> bool) -> usize {
+        let since = self.pulses.iter().filter(|(at, _)| *at >= from_ns);
+        since.filter(|(_, outcome)| is(outcome)).count()
+    }
+
+    /// The largest error of the frequency in the time that passes until `until_s`, asked
+    /// once a second, in ppb.
+    pub fn frequency_until_ppb(&mut self, until_s: i64) -> f64 {
+        let mut worst = 0.0_f64;
+        while self.board.now_ns < until_s * SECOND {
+            self.pass_s(1);
+            worst = worst.max(self.board.frequency_error_ppb().abs());
+        }
+        worst
+    }
+
     /// Whether the clock is set.
     pub fn is_set(&mut self) -> bool {
         self.board.read().state == ClockState::Set
@@ -258,4 +284,26 @@ pub fn covered(samples: impl IntoIterator<Item = Sample>) -> f64 {
 #[must_use]
 pub const fn at_s(seconds: u64) -> WorldNanos {
     WorldNanos(seconds * SECOND.unsigned_abs())
+}
+
+/// What is wrong in any of a row of scenes: all of it is told, not only the first.
+#[derive(Debug, Default)]
+pub struct Faults(Vec<String>);
+
+impl Faults {
+    /// Demands that `holds`, of the scene that is told.
+    pub fn unless(&mut self, holds: bool, told: impl std::fmt::Display) {
+        if !holds {
+            self.0.push(told.to_string());
+        }
+    }
+
+    /// The end.
+    ///
+    /// # Panics
+    ///
+    /// If there was any.
+    pub fn none(self) {
+        assert!(self.0.is_empty(), "{:#?}", self.0);
+    }
 }

@@ -49,6 +49,10 @@ pub const MAX_SLEW: Ppb = Ppb::from_ppm(400);
 /// Without a mark for so long the clock is in holdover: 2 s.
 pub const HOLDOVER_AFTER: u64 = 2 * CORE_HZ as u64;
 
+/// From pulse to pulse is a second; without the next one the line is told anew after so long, in
+/// cycles: 1.25 s. Its straight line of doubt is near the curve that it stands for.
+const PULSE_LASTS: u64 = CORE_HZ as u64 * 5 / 4;
+
 /// The line is told from a new origin at least so often: 10 s, well within the
 /// 25.5 s in which a reading takes the short way.
 pub const REBASE_AFTER: u64 = 10 * CORE_HZ as u64;
@@ -182,7 +186,7 @@ pub struct UtcClock<'a, W = AtomicU32> {
     set_at: Cycles,
     /// The last mark or pulse that was believed.
     last_heard: Cycles,
-    last_pulse: Option<Cycles>,
+    steered_by: Source,
     last_epoch: UtcNanos,
     forecast: Option<PulseForecast>,
     counters: Counters,
@@ -212,7 +216,7 @@ impl<'a, W: Word> UtcClock<'a, W> {
             latency_doubt_ns: 0,
             set_at: Cycles::BOOT,
             last_heard: Cycles::BOOT,
-            last_pulse: None,
+            steered_by: Source::Nothing,
             last_epoch: UtcNanos(i64::MIN),
             forecast: None,
             counters: Counters::default(),
@@ -275,7 +279,7 @@ impl<'a, W: Word> UtcClock<'a, W> {
     /// When [`Self::handle_timeout`] is due.
     #[must_use]
     pub fn poll_timeout(&self) -> Cycles {
-        let mut due = self.model.at.plus(REBASE_AFTER);
+        let mut due = self.model.at.plus(self.lasts(self.model.quality.state));
         if self.slew != Ppb(0) {
             due = due.min(Cycles(self.slew_ends.0.saturating_sub(LEAD)));
         }
@@ -312,13 +316,9 @@ impl<'a, W: Word> UtcClock<'a, W> {
     /// What the clock is steered by.
     #[must_use]
     pub fn source(&self) -> Source {
-        let pulse_lasts = self
-            .last_pulse
-            .is_some_and(|at| at.plus(HOLDOVER_AFTER) > self.last_heard);
         match self.model.quality.state {
+            ClockState::Set => self.steered_by,
             ClockState::Unset | ClockState::Holdover => Source::Nothing,
-            ClockState::Set if pulse_lasts => Source::Pulse,
-            ClockState::Set => Source::Message,
         }
     }
 
@@ -379,6 +379,7 @@ impl<'a, W: Word> UtcClock<'a, W> {
         };
         line.quality.state = ClockState::Set;
         self.last_heard = mark.arrival;
+        self.steered_by = Source::Message;
         self.steer(&line, now);
         outcome
     }
@@ -414,13 +415,13 @@ impl<'a, W: Word> UtcClock<'a, W> {
             Ok(Correction::Nothing) => return PulseOutcome::Candidate,
             Err(refusal) => return PulseOutcome::Refused(refusal),
         };
-        if self.source() != Source::Pulse {
+        if self.steered_by != Source::Pulse {
             bump(&mut self.counters.pulse_locks);
         }
         bump(&mut self.counters.pulses);
         line.quality.state = ClockState::Set;
         self.last_heard = pulse.edge;
-        self.last_pulse = Some(pulse.edge);
+        self.steered_by = Source::Pulse;
         self.steer(&line, now);
         outcome
     }
@@ -519,20 +520,25 @@ impl<'a, W: Word> UtcClock<'a, W> {
     /// Writes the doubt into a model: what it is where that begins, and a straight line that is
     /// above it until the model is replaced.
     fn appraise(&self, model: &mut ClockModel) {
-        let lasts = if model.quality.state == ClockState::Set {
-            HOLDOVER_AFTER
-        } else {
-            REBASE_AFTER
-        };
+        let lasts = self.lasts(model.quality.state);
         let begins_ns = self.doubt.at(model.at);
         let ends_ns = self.doubt.at(model.at.plus(lasts));
-        let lasts_s = (lasts / u64::from(CORE_HZ)) as f32;
+        let lasts_s = lasts as f32 * (1.0 / CORE_HZ as f32);
         model.quality.uncertainty_ns = (begins_ns as u32)
             .saturating_add(1)
             .saturating_add(self.unabsorbed_ns)
             .saturating_add(self.latency_doubt_ns);
         let growth_ppb = libm::ceilf((ends_ns - begins_ns) / lasts_s) as i32;
         model.quality.growth = model::growth(Ppb(growth_ppb));
+    }
+
+    /// For how long a model is published at most before it is told anew, with the doubt of then.
+    const fn lasts(&self, state: ClockState) -> u64 {
+        match (state, self.steered_by) {
+            (ClockState::Set, Source::Pulse) => PULSE_LASTS,
+            (ClockState::Set, _) => HOLDOVER_AFTER,
+            (ClockState::Unset | ClockState::Holdover, _) => REBASE_AFTER,
+        }
     }
 
     const fn holdover_begins(&self) -> Cycles {

@@ -259,6 +259,10 @@ impl Discipline {
         let latency_ns = pulse_utc_ns.saturating_sub(floor_utc_ns);
         if self.is_contradicted(latency_ns) {
             self.pulse.forget();
+            // What the wrong pulse taught, as far as it was wrong.
+            if let Some(then_ns) = self.latency_at_lock_ns {
+                self.latency_ns = then_ns;
+            }
             return false;
         }
         self.learn(latency_ns);

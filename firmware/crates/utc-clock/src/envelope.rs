@@ -426,7 +426,13 @@ impl Envelope {
             0.0
         };
         let gain = self.variance / (self.variance + slope_doubt * slope_doubt * worth);
-        self.line.fast_ppb += gain * slope_ppb;
+        // At first the edge is hardly known: no bin moves the frequency farther than belief allows.
+        let most_ppb = if self.is_young() {
+            2.0 * libm::sqrtf(self.variance)
+        } else {
+            f32::MAX
+        };
+        self.line.fast_ppb += (gain * slope_ppb).clamp(-most_ppb, most_ppb);
         self.variance *= 1.0 - gain;
     }
 
@@ -506,7 +512,7 @@ impl Envelope {
     fn doubt_ns(&self) -> f32 {
         let span_s = self.span_s();
         let bend_ns = DRIFT_PPB_PER_S * span_s * span_s / 14.0;
-        let tilt_ns = (0.4 * libm::sqrtf(self.variance)).max(0.5 * self.unexplained_ppb) * span_s;
+        let tilt_ns = (0.35 * libm::sqrtf(self.variance)).max(0.5 * self.unexplained_ppb) * span_s;
         let drifted_ns = if self.age_s < RETURN_S {
             self.drifted_ns
         } else {

@@ -15,7 +15,8 @@
 //! latency that is none, or longer than any receiver's, is a pulse of something
 //! else. [`CONFIRMING`] of them in a row, each within the gate of what those before
 //! predict, are a pulse to follow; from then on anything outside of the gate is refused. When
-//! nothing has passed for [`LOST_AFTER_S`], the search begins anew.
+//! nothing has passed for [`LOST_AFTER_S`], the search begins anew; the old line stays until
+//! a new one is confirmed.
 //!
 //! *Limits.* One pulse a second, on the second. A pulse that is off by less than the
 //! plausible latencies differ, before any latency was learnt, is taken for good: nothing on the
@@ -65,7 +66,7 @@ const UNBIASED: f32 = 0.4;
 const LAGS_FOR: u8 = 20;
 
 /// The doubt, in standard deviations.
-const DOUBT_SIGMAS: f32 = 2.4;
+const DOUBT_SIGMAS: f32 = 2.55;
 
 /// Why a pulse was not followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,16 +107,12 @@ pub enum PulseHeard {
     Refused(PulseRefusal),
 }
 
-/// The pulses' line.
+/// The pulses' lines.
 #[derive(Clone, Debug)]
 pub struct Pulse {
-    state: State,
-}
-
-#[derive(Clone, Debug)]
-enum State {
-    Searching,
-    Line(Line),
+    followed: Option<Line>,
+    /// Grows beside a line that is lost, and replaces it when it is confirmed.
+    candidate: Option<Line>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -151,26 +148,22 @@ impl Pulse {
     #[must_use]
     pub const fn new() -> Self {
         Self {
-            state: State::Searching,
+            followed: None,
+            candidate: None,
         }
     }
 
     /// Whether pulses are being followed.
     #[must_use]
     pub const fn is_followed(&self) -> bool {
-        matches!(&self.state, State::Line(line) if line.fitted >= CONFIRMING)
+        self.followed.is_some()
     }
 
     /// UTC by the line at a time of the board's counter, with how far it may be off; both in ns.
     /// `None` while nothing is followed.
     #[must_use]
     pub fn utc_at(&self, at_ns: u64) -> Option<(i64, f32)> {
-        let State::Line(line) = &self.state else {
-            return None;
-        };
-        if line.fitted < CONFIRMING {
-            return None;
-        }
+        let line = self.followed.as_ref()?;
         let filter = line.filter();
         let since_ns = at_ns.wrapping_sub(line.edge_ns).cast_signed();
         let since_s = since_ns as f32 * 1e-9;
@@ -187,26 +180,37 @@ impl Pulse {
 
     /// Gives the seconds other numbers, `by_ns` more: the clock has stepped.
     pub fn renumber(&mut self, by_ns: i64) {
-        if let State::Line(line) = &mut self.state {
+        for line in [&mut self.followed, &mut self.candidate]
+            .into_iter()
+            .flatten()
+        {
             line.second_ns = line.second_ns.saturating_add(by_ns);
         }
     }
 
     /// Forgets the pulse: the messages contradict it.
     pub const fn forget(&mut self) {
-        self.state = State::Searching;
+        self.followed = None;
+        self.candidate = None;
     }
 
     /// Hears a pulse; the crystal's frequency is known from elsewhere, to `doubt_ppb`.
     pub fn update(&mut self, edge: &Edge, fast_ppb: f32, doubt_ppb: f32) -> PulseHeard {
-        if let State::Line(line) = &mut self.state {
-            if elapsed_s(edge.at_ns, line.edge_ns) <= LOST_AFTER_S {
-                let heard = line.update(edge);
-                if !matches!(heard, PulseHeard::Refused(_)) || line.fitted >= CONFIRMING {
-                    return heard;
-                }
+        if let Some(line) = &mut self.followed
+            && elapsed_s(edge.at_ns, line.edge_ns) <= LOST_AFTER_S
+        {
+            return line.update(edge);
+        }
+        if let Some(line) = &mut self.candidate
+            && elapsed_s(edge.at_ns, line.edge_ns) <= LOST_AFTER_S
+        {
+            let heard = line.update(edge);
+            if matches!(heard, PulseHeard::Followed(_)) {
+                self.followed = self.candidate.take();
             }
-            self.state = State::Searching;
+            if !matches!(heard, PulseHeard::Refused(_)) {
+                return heard;
+            }
         }
         // The second that it marks, if it comes with a plausible latency.
         let (least_ns, greatest_ns) = edge.plausible_ns;
@@ -216,7 +220,7 @@ impl Pulse {
         if !(least_ns..=greatest_ns).contains(&latency_ns) {
             return PulseHeard::Refused(PulseRefusal::OffSecond);
         }
-        self.state = State::Line(Line {
+        self.candidate = Some(Line {
             quiet: Kalman::new(QUIET, fast_ppb, doubt_ppb),
             ramping: Kalman::new(RAMPING, fast_ppb, doubt_ppb),
             lags_for: 0,

@@ -86,7 +86,7 @@ impl Anchor {
         let most_ns = (FOLLOW_PPB * passed_s.max(0.0)) as i64;
         self.line = Some(Kept {
             local_ns,
-            utc_ns: line_utc_ns.saturating_add(off_ns.clamp(-most_ns, most_ns)),
+            utc_ns: line_utc_ns.saturating_add(off_ns.min(most_ns).max(-most_ns)),
         });
         (off_ns as f32).abs() <= REACH_NS
     }

@@ -237,7 +237,7 @@ impl<'a, W: Word> UtcClock<'a, W> {
     }
 
     /// Hears a pulse, at most [`MAX_AGE`] after its edge.
-    #[inline(never)]
+    #[inline(never)] // The bench counts its calls.
     pub fn handle_pulse(&mut self, pulse: &PulseMark, now: Cycles) -> PulseOutcome {
         let outcome = self.follow_pulse(pulse, now);
         if let PulseOutcome::Refused(refusal) = outcome {

@@ -432,7 +432,9 @@ impl Envelope {
         } else {
             f32::MAX
         };
-        self.line.fast_ppb += (gain * slope_ppb).clamp(-most_ppb, most_ppb);
+        // Not `clamp`, which would panic where the variance is not a number, and bring the
+        // formatting of floats.
+        self.line.fast_ppb += (gain * slope_ppb).max(-most_ppb).min(most_ppb);
         self.variance *= 1.0 - gain;
     }
 

@@ -7,7 +7,7 @@
 //! | holdover | a long flash a second |
 
 use embassy_time::Timer;
-use stm32f4xx_hal::gpio::{ErasedPin, OpenDrain, Output};
+use stm32f4xx_hal::gpio::{ErasedPin, OpenDrain, Output, PinState};
 use utc_clock::ClockState;
 
 use crate::drivers::time;
@@ -22,9 +22,10 @@ pub async fn run(mut led: ErasedPin<Output<OpenDrain>>) {
             ClockState::Set => (50, 950),
             ClockState::Holdover => (500, 500),
         };
-        led.set_low();
-        Timer::after_millis(lit_ms).await;
-        led.set_high();
-        Timer::after_millis(dark_ms).await;
+        // One await in the loop: each brings the whole of a timer.
+        for (state, for_ms) in [(PinState::Low, lit_ms), (PinState::High, dark_ms)] {
+            led.set_state(state);
+            Timer::after_millis(for_ms).await;
+        }
     }
 }

@@ -1,11 +1,9 @@
 //! The MAVLink task: requests in, answers out, and what a good citizen says once
 //! a second.
 
-use core::fmt::Write as _;
-
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Ticker};
-use heapless::String;
+use heapless::{String, Vec};
 use mavlink_node::{Config, Fix, GpsFix, Node, PingReply, Severity};
 use timebase::{CORE_HZ, StampedByte};
 
@@ -75,18 +73,46 @@ fn once_a_second(node: &mut Node, writer: &mut Writer) {
     };
     writer.send(&node.gps_raw_int(fix_time, &fix));
     while let Ok(news) = NEWS.try_receive() {
-        // 50 characters are what a STATUSTEXT holds; each of these is shorter.
-        let mut text = String::<50>::new();
-        let (severity, _) = match news {
-            News::Set => (Severity::Notice, write!(text, "clock set")),
-            News::Stepped { by_ns } => (
-                Severity::Warning,
-                write!(text, "clock stepped by {by_ns} ns"),
-            ),
-            News::PulseFollowed => (Severity::Notice, write!(text, "clock follows the pulse")),
-            News::PulseLost => (Severity::Warning, write!(text, "clock lost the pulse")),
+        let severity = match news {
+            News::Set | News::PulseFollowed => Severity::Notice,
+            News::Stepped { .. } | News::PulseLost => Severity::Warning,
         };
-        writer.send(&node.statustext(severity, &text));
+        writer.send(&node.statustext(severity, &in_words(news)));
+    }
+}
+
+/// What happened, in less than the 50 characters of a STATUSTEXT.
+fn in_words(news: News) -> String<50> {
+    let mut text = String::new();
+    let (before, by_ns, behind) = match news {
+        News::Set => ("clock set", None, ""),
+        News::Stepped { by_ns } => ("clock stepped by ", Some(by_ns), " ns"),
+        News::PulseFollowed => ("clock follows the pulse", None, ""),
+        News::PulseLost => ("clock lost the pulse", None, ""),
+    };
+    // All of it fits.
+    let _ = text.push_str(before);
+    if let Some(by_ns) = by_ns {
+        push_number(&mut text, by_ns);
+    }
+    let _ = text.push_str(behind);
+    text
+}
+
+/// Writes a number by hand: `core::fmt` would bring 2 KB for this one.
+fn push_number(text: &mut String<50>, number: i64) {
+    let mut digits = Vec::<u8, 20>::new();
+    let mut rest = number.unsigned_abs();
+    while rest > 0 || digits.is_empty() {
+        // 2⁶⁴ has 20 digits.
+        let _ = digits.push(b'0' + (rest % 10) as u8);
+        rest /= 10;
+    }
+    if number < 0 {
+        let _ = text.push('-');
+    }
+    for digit in digits.iter().rev() {
+        let _ = text.push(char::from(*digit));
     }
 }
 

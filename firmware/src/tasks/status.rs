@@ -4,12 +4,9 @@
 //! programs read the same line. What stays 0 for most of a board's life is left
 //! out while it is 0.
 
-use core::fmt::{self, Write as _};
-
 use defmt::{Format, Formatter};
 use embassy_time::{Duration, Ticker};
-use heapless::String;
-use utc_clock::{ClockState, Source};
+use utc_clock::{ClockState, Reading, Source, calendar};
 
 use crate::drivers::time;
 use crate::shared::{CLOCK, GNSS, GnssReport, MAVLINK, MavlinkReport};
@@ -26,21 +23,14 @@ pub async fn run() {
 
 fn log() {
     let reading = CLOCK.reading_at(time::now());
-    // Formatted before the log's critical section begins: that has to stay shorter
-    // than a tick.
-    let mut utc = String::<32>::new();
-    let _ = match reading.state {
-        ClockState::Unset => utc.push('-').map_err(|_| fmt::Error),
-        ClockState::Set | ClockState::Holdover => write!(utc, "{:.6}", reading.utc),
-    };
     let gnss = GNSS.get();
     let mavlink = MAVLINK.get();
     let clock = gnss.map(|report| report.clock).unwrap_or_default();
     defmt::info!(
-        "status state={} source={} utc={=str} unc_ns={=u32} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}",
+        "status state={} source={} utc={} unc_ns={=u32} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}",
         State(reading.state),
         From(gnss.map(|report| report.source).unwrap_or_default()),
-        utc.as_str(),
+        Utc(reading),
         reading.uncertainty_ns,
         gnss.map(|report| report.frequency.0).unwrap_or_default(),
         reading.leap_seconds_known,
@@ -108,6 +98,29 @@ impl Format for Mavlink {
         nonzero!(f, report.node.framing, "mav_": crc_failures, abandoned, unknown_flags, signed,
             foreign_bytes);
         nonzero!(f, report.line, "mav_": overrun, framing, noise, incoming_full, outgoing_full);
+    }
+}
+
+/// The time in the calendar; `-` while the clock does not know it.
+struct Utc(Reading);
+
+impl Format for Utc {
+    fn format(&self, f: Formatter) {
+        let Reading { utc, state, .. } = self.0;
+        match calendar::from_utc(utc) {
+            Some(t) if state != ClockState::Unset => defmt::write!(
+                f,
+                "{=u16:04}-{=u8:02}-{=u8:02}T{=u8:02}:{=u8:02}:{=u8:02}.{=u32:06}Z",
+                t.year,
+                t.month,
+                t.day,
+                t.hour,
+                t.minute,
+                t.second,
+                t.nano.unsigned_abs() / 1_000
+            ),
+            _ => defmt::write!(f, "-"),
+        }
     }
 }
 

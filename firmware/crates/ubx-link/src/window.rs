@@ -84,9 +84,29 @@ impl Window {
 
     #[cold]
     fn move_to_front(&mut self) {
-        self.bytes.copy_within(self.start..self.end, 0);
-        self.stamps.copy_within(self.start..self.end, 0);
+        move_to_front(&mut self.bytes, self.start, self.end);
+        move_to_front(&mut self.stamps, self.start, self.end);
         (self.start, self.end) = (0, self.len());
+    }
+}
+
+/// Moves `start..end` of `items` to their front, in strides that do not overlap:
+/// `copy_within` would bring 1.4 KB of code that nobody else needs.
+fn move_to_front<T: Copy>(items: &mut [T], start: usize, end: usize) {
+    let stride = start.max(1);
+    let Some(held) = items.get_mut(..end) else {
+        return;
+    };
+    let mut to = 0;
+    while let Some((front, rest)) = held
+        .get_mut(to..)
+        .and_then(|h| h.split_at_mut_checked(stride))
+    {
+        let length = front.len().min(rest.len());
+        if let (Some(front), Some(rest)) = (front.get_mut(..length), rest.get(..length)) {
+            front.copy_from_slice(rest);
+        }
+        to = to.wrapping_add(length.max(1));
     }
 }
 

@@ -486,7 +486,7 @@ impl<'a, W: Word> UtcClock<'a, W> {
         self.unabsorbed_ns = error_ns.unsigned_abs();
         let least = u64::from(course.absorb_ms) * CYCLES_PER_MS;
         let needed = u64::from(error_ns.unsigned_abs()) * CYCLES_PER_NS_AT_MAX_SLEW;
-        self.slew_ends = now.plus(LEAD).plus(needed.clamp(least, HOLDOVER_AFTER));
+        self.slew_ends = now.plus(LEAD).plus(needed.max(least).min(HOLDOVER_AFTER));
     }
 
     /// The slew is over; what it could not absorb is left, and doubted.

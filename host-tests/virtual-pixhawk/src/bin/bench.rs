@@ -22,8 +22,8 @@ use clap::Parser;
 use mavlink_node::client::Client;
 use mavlink_node::{Address, Version};
 use serde_json::{Value, json};
-use virtual_pixhawk::{Builder, Firmware, Profile, Script};
-use world::{Port, Receiver, ReceiverSettings, Talker, Transmission, WorldNanos};
+use virtual_pixhawk::{Builder, Firmware, Profile, Script, Tally};
+use world::{Port, Pulses, Receiver, ReceiverSettings, Talker, Transmission, WorldNanos};
 
 /// Exception numbers of the vector table (RM0090, table 62): 16 and the interrupt's.
 const SYSTICK: u16 = 15;
@@ -81,6 +81,7 @@ fn main() -> anyhow::Result<ExitCode> {
     let firmware = Firmware::read(&image)?;
     let (mut rows, byte) = interrupts_and_readings(&firmware)?;
     rows.push(nav_pvt(&firmware)?);
+    rows.extend(estimators(&firmware)?);
     rows.push(ping(&firmware)?);
     let gps_noise = noise(&firmware, Line::Gps, byte.gps)?;
     let mavlink_noise = noise(&firmware, Line::Mavlink, byte.mavlink)?;
@@ -110,10 +111,14 @@ fn main() -> anyhow::Result<ExitCode> {
 }
 
 /// A receiver that needs no configuration.
-fn receiver() -> Receiver {
+fn receiver_settings() -> ReceiverSettings {
     let mut settings = ReceiverSettings::new(START_UTC_NS);
     settings.port = Port::CONFIGURED;
-    Receiver::new(settings)
+    settings
+}
+
+fn receiver() -> Receiver {
+    Receiver::new(receiver_settings())
 }
 
 /// Runs a board and meters the time from `from_ns` to `to_ns`.
@@ -209,6 +214,38 @@ fn executed(
     let before = board.instructions()?;
     board.run_to(WorldNanos(to_ns))?;
     Ok((board.instructions()? - before) as f64)
+}
+
+/// What the clock itself does for a mark and for a pulse: the dearest of 20 s in which
+/// it follows both, after two minutes.
+fn estimators(firmware: &Firmware) -> anyhow::Result<[Row; 2]> {
+    const MARK: &str = "<utc_clock::discipline::Discipline>::hear_mark";
+    const PULSE: &str = "<utc_clock::clock::UtcClock>::handle_pulse";
+    let settings = receiver_settings();
+    let mut board = Builder::new(firmware.clone())
+        .gps(Receiver::new(settings.clone()))
+        .pulse(Pulses::new(&settings))
+        .power_on()?;
+    board.run_to(WorldNanos(120 * SECOND))?;
+    board.start_meter(&[MARK, PULSE])?;
+    board.run_for(20 * SECOND)?;
+    let functions = board.stop_meter().functions;
+    let dearest = |name, least_calls| {
+        functions
+            .get(name)
+            .filter(|tally: &&Tally| tally.times >= least_calls)
+            .map(|tally| tally.most as f64)
+            .with_context(|| format!("{name} was not called"))
+    };
+    Ok([
+        Row::new(
+            "of it the estimator's share",
+            dearest(MARK, 90)?,
+            3000.0,
+            "",
+        ),
+        Row::new("one pulse, in the clock", dearest(PULSE, 19)?, 2000.0, ""),
+    ])
 }
 
 /// Everything that the tasks do for one NAV-PVT, from waking up to going back to

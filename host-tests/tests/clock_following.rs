@@ -194,6 +194,28 @@ fn a_stored_frequency_that_is_wrong_is_unlearnt() {
 }
 
 #[test]
+fn crystals_far_off_are_followed_all_the_same() {
+    let mut faults = Faults::default();
+    let mut all = Vec::new();
+    for (seed, ppm) in SEEDS.flat_map(|seed| [-1_800, -500, 500, 1_800].map(|ppm| (seed, ppm))) {
+        let mut scene = Scene::new(Latency::m8(), seed);
+        scene.crystal = CrystalSettings::new(f64::from(ppm) * 1e3);
+        let line = Published::new();
+        let mut play = scene.play(&line);
+        let name = format!("{ppm} ppm, seed {seed}");
+        // Three minutes are what it may take, and one more for what 500 ppm have to slew.
+        Report::of(&mut play, &name, 240, 540).judge(&Limits::M8, &mut faults);
+        all.extend(play.since(0));
+        let counters = play.board.clock.counters();
+        let is_calm = (counters.steps_back, counters.crystal) == (0, 0);
+        faults.unless(is_calm, format!("{name}: {counters:?}"));
+    }
+    let held = covered(all);
+    faults.unless(held >= 0.95, format!("{held:.3} are held"));
+    faults.none();
+}
+
+#[test]
 fn a_crystal_beyond_2_000_ppm_is_refused_and_nothing_is_claimed() {
     let mut faults = Faults::default();
     for (seed, ppm) in SEEDS.flat_map(|seed| [-3_000, 3_000].map(|ppm| (seed, ppm))) {

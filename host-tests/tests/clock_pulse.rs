@@ -176,6 +176,44 @@ fn a_pulse_at_a_wrong_phase_is_refused_from_the_start() {
 }
 
 #[test]
+fn a_pulse_that_goes_wrong_is_refused_and_believed_again_when_it_is_right() {
+    let phases =
+        [-500, -300, -100, 100, 300, 500].map(|ms| PulseFaultKind::WrongPhase { by_ns: ms * MS });
+    let mut faults = Faults::default();
+    for (seed, kind) in SEEDS.flat_map(|seed| {
+        let kinds = phases.into_iter().chain([PulseFaultKind::Cut]);
+        kinds.map(move |kind| (seed, kind))
+    }) {
+        let line = Published::new();
+        let mut play = faulty(seed, kind, at_s(360)).play(&line);
+        play.until(WRONG_S * SECOND - MS);
+        let frequency = play.frequency_until_ppb(WRONG_S + 60);
+        let name = format!("{kind:?}, seed {seed}");
+        let worst = worst_since(&play, WRONG_S);
+        faults.unless(
+            worst <= LOST_MAX_NS && frequency <= FREQUENCY_PPB,
+            format!("{name}: {worst} ns while it was wrong, {frequency:.0} ppb"),
+        );
+        if kind != PulseFaultKind::Cut {
+            let off_line = refused(&play, WRONG_S, PulseRefusal::OffLine);
+            let off_second = refused(&play, WRONG_S, PulseRefusal::OffSecond);
+            faults.unless(
+                off_line >= 9 && off_second >= 40,
+                format!("{name}: {off_line} off the line, {off_second} off the second"),
+            );
+        }
+        play.until(420 * SECOND);
+        let worst = worst_since(&play, 390);
+        faults.unless(worst <= MAX_NS, format!("{name}: {worst} ns then"));
+        assert_eq!(play.board.clock.source(), Source::Pulse, "{name}");
+        faults.unless(!stepped(&play, WRONG_S), format!("{name}: stepped"));
+        let holdovers = play.board.clock.counters().holdovers;
+        faults.unless(holdovers == 0, format!("{name}: {holdovers} holdovers"));
+    }
+    faults.none();
+}
+
+#[test]
 fn missing_doubled_and_bouncing_pulses_do_no_harm() {
     use PulseFaultKind::{Bouncing, Doubled, Missing};
     let kinds = [
@@ -276,42 +314,73 @@ fn somebody_elses_pulse_is_not_followed() {
 }
 
 #[test]
+fn somebody_elses_pulse_that_could_be_ours_is_found_out_by_the_messages() {
+    let mut faults = Faults::default();
+    for seed in SEEDS {
+        let mut scene = scene(seed);
+        // As if the latency were 90 ms, and more by 10 µs each second.
+        scene.pulse = Some(somebody_else(50, at_s(60)));
+        let line = Published::new();
+        let mut play = scene.play(&line);
+        play.until(4_200 * SECOND);
+        let counters = play.board.clock.counters();
+        let name = format!("seed {seed}: {counters:?}");
+        assert_eq!(play.board.clock.source(), Source::Message, "{name}");
+        // As far as floors wander, and the slew that takes it back.
+        let drawn = play.utc_since(0).map(|s| s.error_ns).max();
+        faults.unless(
+            drawn.is_some_and(|ns| ns <= 50 * MS + 45 * MS),
+            format!("{name}: drawn by {drawn:?} ns"),
+        );
+        faults.unless(counters.pulse_off_second > 0, &name);
+        faults.unless(!stepped(&play, 90), &name);
+    }
+    faults.none();
+}
+
+#[test]
 fn the_latency_that_was_learnt_serves_when_the_pulse_is_lost() {
     let mut faults = Faults::default();
     for (seed, latency) in
         SEEDS.flat_map(|seed| [Latency::m8(), Latency::f9()].map(|latency| (seed, latency)))
     {
-        let mut scene = faulty(seed, PulseFaultKind::Cut, at_s(900));
+        let mut scene = faulty(seed, PulseFaultKind::Cut, at_s(2_700));
         scene.receiver.latency = latency;
         let line = Published::new();
         let mut play = scene.play(&line);
         play.until(WRONG_S * SECOND);
-        let frequency = play.frequency_until_ppb(899);
         let name = format!("{latency:?}, seed {seed}");
-        // The messages are as far from UTC now as they are from their own floor.
-        let minute = worst_ns(
-            play.utc_since(WRONG_S * SECOND)
-                .take_while(|s| s.at_ns <= 360 * SECOND),
-        );
-        let worst = worst_since(&play, WRONG_S);
+        // For ten minutes the pulse's own line is better than the messages are.
+        let frequency = play.frequency_until_ppb(WRONG_S + 600);
+        let minute = play.utc_since(WRONG_S * SECOND);
+        let minute = worst_ns(minute.take_while(|s| s.at_ns <= 360 * SECOND));
+        let ten = worst_since(&play, WRONG_S);
         faults.unless(
-            minute <= LOST_MAX_NS && worst <= MS && frequency <= 16_000.0,
-            format!("{name}: {minute} ns in a minute, {worst} ns in ten, {frequency:.0} ppb"),
+            minute <= LOST_MAX_NS && ten <= MS && frequency <= FREQUENCY_PPB,
+            format!("{name}: {minute} ns in a minute, {ten} ns in ten, {frequency:.0} ppb"),
         );
-        let held = covered(play.utc_since(WRONG_S * SECOND));
-        faults.unless(held >= 0.95, format!("{name}: {held:.3} are held"));
+        // Then the messages take over; they are as far from UTC now as from their floor.
+        let frequency = play.frequency_until_ppb(2_699);
+        let worst = worst_since(&play, WRONG_S + 600);
+        faults.unless(
+            worst <= MS && frequency <= 16_000.0,
+            format!("{name}: {worst} ns with the messages, {frequency:.0} ppb"),
+        );
         assert_eq!(play.board.clock.source(), Source::Message, "{name}");
         let latency_ns = play.board.clock.latency_ns() - scene.floor_ns();
         faults.unless(
             latency_ns.abs() <= MS,
             format!("{name}: latency {latency_ns} ns off"),
         );
-        play.until(960 * SECOND);
-        let back = worst_since(&play, 930);
+        let held = covered(play.utc_since(WRONG_S * SECOND));
+        faults.unless(held >= 0.95, format!("{name}: {held:.3} are held"));
+        play.until(2_760 * SECOND);
+        let back = worst_since(&play, 2_730);
         faults.unless(
             back <= MAX_NS,
             format!("{name}: {back} ns when it was back"),
         );
+        assert_eq!(play.board.clock.source(), Source::Pulse, "{name}");
         faults.unless(!stepped(&play, WRONG_S), format!("{name}: stepped"));
     }
     faults.none();

@@ -71,9 +71,9 @@ impl Anchor {
     /// Whether the floor, which is at `utc_ns` when the board's counter is at `local_ns`, is a crystal's.
     pub(crate) fn reaches(&mut self, local_ns: u64, utc_ns: i64, floor: &Floor) -> bool {
         let now = Kept { local_ns, utc_ns };
-        self.keep(now, floor);
         let (Some(line), Some(slow_ppb)) = (self.line, floor.slow_ppb) else {
             self.line = Some(now);
+            self.keep(now, floor);
             return true;
         };
         let passed_ns = line.elapsed_ns(&now);
@@ -88,7 +88,11 @@ impl Anchor {
             local_ns,
             utc_ns: line_utc_ns.saturating_add(off_ns.min(most_ns).max(-most_ns)),
         });
-        (off_ns as f32).abs() <= REACH_NS
+        let is_near = (off_ns as f32).abs() <= REACH_NS;
+        if is_near {
+            self.keep(now, floor);
+        }
+        is_near
     }
 
     fn keep(&mut self, now: Kept, floor: &Floor) {

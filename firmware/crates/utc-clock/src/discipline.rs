@@ -211,6 +211,7 @@ impl Discipline {
         }
         self.is_adrift = !self.anchor.reaches(local_ns, floor_utc_ns, &floor);
         if self.is_adrift {
+            self.envelope.believe(heard.at.as_micros(), self.fast_ppb);
             return Err(Refusal::Drift);
         }
         self.told = Some((local_ns, floor_utc_ns));

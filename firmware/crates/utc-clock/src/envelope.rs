@@ -45,13 +45,16 @@ pub const TOO_LATE_NS: i32 = 100_000_000;
 /// real receivers were seen to wander.
 pub const TOO_EARLY_NS: i32 = -20_000_000;
 
-/// So many marks that are too early, in a row and within [`TOO_EARLY_NS`] of each other, are
+/// So many more marks that are too early, within [`TOO_EARLY_NS`] of each other, than others are
 /// believed: the floor has moved. A second of a 5 Hz receiver.
 const EARLY_AGREEING: u8 = 5;
 
 /// Without a mark so near to a line that is known, for so long, the floor has moved, in s: even of marks that
 /// are spread over 90 ms a fifth come so near, and jitter of an M8 that is correlated over 20 s does, too.
 const MOVED_AFTER_S: f32 = 90.0;
+
+/// Marks that stay away for so long teach nothing any more, in s.
+const AWAY_S: f32 = 20.0;
 
 /// A floor that has moved stands: over half of that time its lowest marks rise by no more, in ns. 44 ppm.
 const STANDS_NS: i32 = 2_000_000;
@@ -94,7 +97,7 @@ const TWO_HALVES: f32 = 2.0 * core::f32::consts::SQRT_2;
 const BEYOND_WANDER_NS: f32 = 20e6;
 const YOUNG_S: f32 = 120.0;
 /// Before that, a slope is mostly chance, in s.
-const FIRST_SLOPES_S: f32 = 8.0;
+const FIRST_SLOPES_S: f32 = 16.0;
 
 /// What a mark says of the floor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -145,6 +148,8 @@ struct Away {
     since_us: u64,
     first_ns: i32,
     second_ns: i32,
+    /// It did not stand the time before.
+    again: bool,
 }
 
 /// The lower envelope of the marks.
@@ -225,7 +230,7 @@ impl Envelope {
         } else if self.has_moved(at_us, excess_ns) {
             self.begin(at_us, point);
             return Heard::Moved(self.floor(point));
-        } else if excess_ns > TOO_LATE_NS {
+        } else if excess_ns > TOO_LATE_NS || self.stays_away(at_us) {
             return Heard::Late;
         }
         if excess_ns < TOO_EARLY_NS && !self.is_young() {
@@ -243,7 +248,7 @@ impl Envelope {
             self.begin(at_us, point);
             return Heard::Moved(self.floor(point));
         }
-        self.early = (0, 0);
+        self.early.0 = self.early.0.saturating_sub(1);
         self.take_in(point, excess_ns);
         Heard::Floor(self.floor(point))
     }
@@ -255,6 +260,7 @@ impl Envelope {
             since_us: at_us,
             first_ns: excess_ns,
             second_ns: i32::MAX,
+            again: false,
         };
         let away = self.away.get_or_insert(begun);
         let for_s = elapsed_s(at_us, away.since_us);
@@ -268,9 +274,24 @@ impl Envelope {
         }
         let stands = away.second_ns.saturating_sub(away.first_ns) <= STANDS_NS;
         if !stands {
-            self.away = Some(begun);
+            self.away = Some(Away {
+                again: true,
+                ..begun
+            });
         }
         stands
+    }
+
+    /// Whether marks have stayed away for so long that they teach nothing.
+    fn stays_away(&self, at_us: u64) -> bool {
+        self.away
+            .is_some_and(|away| away.again || elapsed_s(at_us, away.since_us) > AWAY_S)
+    }
+
+    /// Takes back a frequency that was learnt from a receiver that is not believed.
+    pub fn believe(&mut self, at_us: u64, fast_ppb: f32) {
+        self.line = self.line.moved_to(at_us as u32);
+        self.line.fast_ppb = fast_ppb;
     }
 
     /// Forgets everything but the frequency: the receiver's time has jumped.
@@ -409,7 +430,7 @@ impl Envelope {
         let worth = (span_s / worth_s).max(1.0);
         self.variance += FREQUENCY_WALK * (BIN_US as f32 * 1e-6);
         // Judged by the density inside of bins, which a slope does not blur.
-        let chance_ns = 5.0 * TWO_HALVES * self.edge.gap_in(span_s);
+        let chance_ns = 8.0 * TWO_HALVES * self.edge.gap_in(span_s);
         let may_be_far_off = self.is_young() && self.age_s > FIRST_SLOPES_S;
         if may_be_far_off && slope_ppb.abs() * apart_s > BEYOND_WANDER_NS + chance_ns {
             self.line.fast_ppb += slope_ppb;
@@ -626,11 +647,13 @@ mod tests {
     fn what_is_too_early_has_to_be_confirmed() {
         let mut marks = Marks::new(20_000);
         marks.hear_for(200, |_| 0.0);
-        for _ in 0..3 {
-            for _ in 0..4 {
+        for _ in 0..9 {
+            for _ in 0..2 {
                 assert_eq!(marks.hear(20 * MS), Heard::Early);
             }
-            assert!(matches!(marks.hear(60 * MS), Heard::Floor(_)));
+            for _ in 0..2 {
+                assert!(matches!(marks.hear(60 * MS), Heard::Floor(_)));
+            }
         }
         for _ in 0..4 {
             assert_eq!(marks.hear(20 * MS), Heard::Early);

@@ -57,9 +57,9 @@ const RAMPING: Noise = Noise {
 /// The quiet filter's innovations are averaged over so many pulses.
 const BIAS_OVER: f32 = 8.0;
 /// It lags when their mean is above so many standard deviations of one; white ones have 0.26.
-const BIASED: f32 = 0.7;
+const BIASED: f32 = 0.9;
 /// It does not lag any more when their mean is below.
-const UNBIASED: f32 = 0.4;
+const UNBIASED: f32 = 0.5;
 
 /// For so many pulses the quiet filter is not asked after it has lagged: while a ramp turns
 /// round, the mean passes through 0.

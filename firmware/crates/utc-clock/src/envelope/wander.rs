@@ -29,7 +29,7 @@ const SLOW_WEIGHTS: f32 = 400.0;
 /// The floor wanders when its points scatter so many times as much, in variance, as the edge explains:
 /// exponential noise, each point's part capped at [`CAP`] standard deviations, has 0.85, and
 /// on 64 points exceeds this once in some 10⁵ judgements. Tuned.
-const SURE: f32 = 2.3;
+const SURE: f32 = 2.6;
 /// Less is enough to go on believing it.
 const STILL_SURE: f32 = 1.5;
 const CAP: f32 = 3.0;

@@ -30,7 +30,7 @@ const KEPT_EVERY_S: f32 = 600.0;
 /// The shortest slope that is of use, in s.
 const LEAST_SLOPE_S: f32 = 200.0;
 /// The slope is as good as the last frequency if they are not farther apart, in ppb, beyond the doubt.
-const STEADY_PPB: f32 = 2_500.0;
+const STEADY_PPB: f32 = 500.0;
 
 /// A floor: ns since boot by the board's counter, and UTC then, in ns.
 #[derive(Clone, Copy, Debug)]
@@ -178,10 +178,10 @@ mod tests {
         refused(&mut anchor, 0, 150, 0, &mut off_ns);
         assert_eq!(anchor.steady_ppb(20_000.0, 0.0), None, "too short");
         refused(&mut anchor, 150, 5_000, 0, &mut off_ns);
-        let steady = anchor.steady_ppb(21_000.0, 0.0).unwrap();
+        let steady = anchor.steady_ppb(20_400.0, 0.0).unwrap();
         assert!((steady - 20_000.0).abs() < 1.0, "{steady}");
         assert_eq!(
-            anchor.steady_ppb(25_000.0, 0.0),
+            anchor.steady_ppb(22_000.0, 0.0),
             None,
             "the crystal has moved"
         );

@@ -61,6 +61,9 @@ const CONTRADICTION_NS: i64 = 25_000_000;
 /// So many marks in a row have to contradict a pulse.
 const CONTRADICTIONS: u8 = 10;
 
+/// A frequency that is learnt in minutes lags behind a crystal that drifts by 1 ppm a minute, in ppb: two minutes' worth.
+const LAG_PPB: f32 = 2_000.0;
+
 /// How far the frequency may have moved while a receiver drifted, in ppb.
 const AFTER_DRIFT_PPB: f32 = 5_000.0;
 
@@ -216,11 +219,11 @@ impl Discipline {
         }
         self.told = Some((local_ns, floor_utc_ns));
         let doubt_ns = floor.doubt_ns + t_acc_ns as f32;
-        if self.pulse_is_better(local_ns, floor_utc_ns, doubt_ns) {
+        if self.pulse_is_better(local_ns, floor_utc_ns, doubt_ns)? {
             return Ok(Correction::Nothing);
         }
         self.fast_ppb = floor.fast_ppb;
-        self.fast_doubt_ppb = 2.0 * floor.frequency_doubt_ppb;
+        self.fast_doubt_ppb = 2.0 * floor.frequency_doubt_ppb + LAG_PPB;
         let error_ns = floor_utc_ns
             .saturating_add(self.latency_ns)
             .saturating_sub(heard.published.0);
@@ -254,21 +257,36 @@ impl Discipline {
 
     /// Holds the floor against the pulse: learns the latency between them, or that they
     /// contradict each other. Whether the pulse has the smaller doubt.
-    fn pulse_is_better(&mut self, local_ns: u64, floor_utc_ns: i64, doubt_ns: f32) -> bool {
+    fn pulse_is_better(
+        &mut self,
+        local_ns: u64,
+        floor_utc_ns: i64,
+        doubt_ns: f32,
+    ) -> Result<bool, Refusal> {
         let Some((pulse_utc_ns, pulse_doubt_ns)) = self.pulse.utc_at(local_ns) else {
-            return false;
+            return Ok(false);
         };
         let latency_ns = pulse_utc_ns.saturating_sub(floor_utc_ns);
-        if self.is_contradicted(latency_ns) {
-            self.pulse.forget();
-            // What the wrong pulse taught, as far as it was wrong.
-            if let Some(then_ns) = self.latency_at_lock_ns {
-                self.latency_ns = then_ns;
+        if self.is_strange(latency_ns, pulse_doubt_ns) {
+            if !self.pulse.is_alive(local_ns) {
+                // The pulse is gone, but what it taught is good to its doubt: the messages drift.
+                return Err(Refusal::Drift);
             }
-            return false;
+            self.contradictions = self.contradictions.saturating_add(1);
+            if self.contradictions >= CONTRADICTIONS {
+                self.contradictions = 0;
+                self.pulse.forget();
+                // What the wrong pulse taught, as far as it was wrong.
+                if let Some(then_ns) = self.latency_at_lock_ns {
+                    self.latency_ns = then_ns;
+                }
+                return Ok(false);
+            }
+        } else {
+            self.contradictions = 0;
+            self.learn(latency_ns);
         }
-        self.learn(latency_ns);
-        pulse_doubt_ns <= doubt_ns + self.latency_doubt_ns as f32
+        Ok(pulse_doubt_ns <= doubt_ns + self.latency_doubt_ns as f32)
     }
 
     /// Hears an edge of the pulse, which comes `late_ns` after the second that it stands for, by the
@@ -380,18 +398,15 @@ impl Discipline {
         Ok(Correction::Step(course))
     }
 
-    /// Whether the messages have contradicted the pulse for long enough.
-    fn is_contradicted(&mut self, latency_ns: i64) -> bool {
-        let is_strange = match self.latency_at_lock_ns {
-            Some(then_ns) => latency_ns.abs_diff(then_ns) > CONTRADICTION_NS.unsigned_abs(),
+    /// Whether a latency is none that this receiver, or any, can have.
+    fn is_strange(&self, latency_ns: i64, doubt_ns: f32) -> bool {
+        match self.latency_at_lock_ns {
+            Some(then_ns) => {
+                let most_ns = CONTRADICTION_NS.saturating_add(doubt_ns as i64);
+                latency_ns.abs_diff(then_ns) > most_ns.unsigned_abs()
+            }
             None => !(LATENCIES_NS.0..=LATENCIES_NS.1).contains(&latency_ns),
-        };
-        self.contradictions = if is_strange {
-            self.contradictions.saturating_add(1)
-        } else {
-            0
-        };
-        self.contradictions >= CONTRADICTIONS
+        }
     }
 
     fn learn(&mut self, latency_ns: i64) {

@@ -41,9 +41,12 @@ use crate::holdover::DRIFT_PPB_PER_S;
 /// latencies measured on one receiver being 91 ms (LEA-M8T at 9600 baud).
 pub const TOO_LATE_NS: i32 = 100_000_000;
 
-/// A mark farther below a line that is known has to be confirmed: 20 ms, twice what floors of
-/// real receivers were seen to wander.
-pub const TOO_EARLY_NS: i32 = -20_000_000;
+/// A mark farther below a line that is known has to be confirmed: 12 ms, more than floors of
+/// real receivers were seen to wander in all.
+pub const TOO_EARLY_NS: i32 = -12_000_000;
+
+/// A mark that is not farther above the line has come near it: twice what floors wander.
+const NEAR_NS: i32 = 20_000_000;
 
 /// So many more marks that are too early, within [`TOO_EARLY_NS`] of each other, than others are
 /// believed: the floor has moved. A second of a 5 Hz receiver.
@@ -64,9 +67,9 @@ const STANDS_NS: i32 = 2_000_000;
 const FORGET_AFTER_S: f32 = 120.0;
 
 /// The line as it ran on through silence counts for so long, in s: then the marks that came since are enough.
-const RETURN_S: f32 = 30.0;
+const RETURN_S: f32 = 50.0;
 /// So far at most may a frequency have changed during silence, in ppb, whatever the time.
-const RETURN_PPB: f32 = 5_000.0;
+const RETURN_PPB: f32 = 2_000.0;
 
 /// A bin, in µs.
 const BIN_US: u32 = 2_000_000;
@@ -92,9 +95,12 @@ const WANDER_VARIANCE: f32 = 5_000.0 * 5_000.0;
 /// The lowest of half a window is twice as far above the floor as that of a whole one; and there are two.
 const TWO_HALVES: f32 = 2.0 * core::f32::consts::SQRT_2;
 
-/// A slope that would move the floor by more over the window is no wander, in ns: within
-/// the first [`YOUNG_S`] it says that the crystal is farther off than anybody thought.
+/// A slope that moves the floor by more over the window is no wander, and so no crystal's either once that is
+/// known, in ns.
 const BEYOND_WANDER_NS: f32 = 20e6;
+/// Within the first [`YOUNG_S`], one that moves it by more says that the crystal is farther off than anybody
+/// thought: more than an M8's whole jitter, in ns.
+const BEYOND_JITTER_NS: f32 = 30e6;
 const YOUNG_S: f32 = 120.0;
 /// Before that, a slope is mostly chance, in s.
 const FIRST_SLOPES_S: f32 = 16.0;
@@ -218,14 +224,13 @@ impl Envelope {
             self.begin(at_us, point);
             return Heard::Floor(self.floor(point));
         }
-        let silence_s = elapsed_s(at_us, self.last_us);
-        self.last_us = at_us;
-        if silence_s > FORGET_AFTER_S {
-            self.return_after_silence(at_us, silence_s);
+        let last_us = core::mem::replace(&mut self.last_us, at_us);
+        if elapsed_s(at_us, last_us) > FORGET_AFTER_S {
+            self.return_after_silence(last_us, at_us);
         }
         self.age_s = elapsed_s(at_us, self.started_us);
         let excess_ns = self.line.excess_ns(point);
-        if excess_ns < -TOO_EARLY_NS || self.is_young() {
+        if excess_ns < NEAR_NS || self.is_young() {
             self.away = None;
         } else if self.has_moved(at_us, excess_ns) {
             self.begin(at_us, point);
@@ -330,11 +335,15 @@ impl Envelope {
     /// The window is empty: begins anew at the line as it ran on, so that the first marks back, which
     /// may be any late, do not draw the clock after them. It is a point of the past, and leaves the window before
     /// theirs do.
-    fn return_after_silence(&mut self, at_us: u64, silence_s: f32) {
+    fn return_after_silence(&mut self, last_us: u64, at_us: u64) {
+        let silence_s = at_us.saturating_sub(last_us) as f32 * 1e-6;
         let ramp_ppb = (DRIFT_PPB_PER_S * silence_s).min(RETURN_PPB);
-        // Its low word has wrapped if the silence was longer than 35 minutes; the level then
-        // means nothing, and is as good as any.
-        let line = self.line.moved_to(at_us as u32);
+        // By the length of the silence, not by stamps that may have wrapped.
+        let rise_ns = self.line.fast_ppb * silence_s;
+        let line = Line {
+            at_us: at_us as u32,
+            ..self.line.moved_to(last_us as u32).raised(rise_ns as i32)
+        };
         let drifted_ns = (0.5 * ramp_ppb + libm::sqrtf(self.variance)) * silence_s;
         self.begin(
             at_us,
@@ -432,7 +441,7 @@ impl Envelope {
         // Judged by the density inside of bins, which a slope does not blur.
         let chance_ns = 8.0 * TWO_HALVES * self.edge.gap_in(span_s);
         let may_be_far_off = self.is_young() && self.age_s > FIRST_SLOPES_S;
-        if may_be_far_off && slope_ppb.abs() * apart_s > BEYOND_WANDER_NS + chance_ns {
+        if may_be_far_off && slope_ppb.abs() * apart_s > BEYOND_JITTER_NS + chance_ns {
             self.line.fast_ppb += slope_ppb;
             self.variance = slope_ppb * slope_ppb / 4.0;
             return;
@@ -525,7 +534,7 @@ impl Envelope {
         let lowest = recent.chain(long).chain(&filling);
         let lowest_ns = lowest.map(|point| line.excess_ns(*point)).min();
         // Whether a floor has moved farther is for the marks to come to say.
-        let is_near = |ns: &i32| *ns < -TOO_EARLY_NS || self.is_young();
+        let is_near = |ns: &i32| *ns < NEAR_NS || self.is_young();
         if let Some(excess_ns) = lowest_ns.filter(is_near) {
             self.line = line.raised(excess_ns);
         }

@@ -159,6 +159,14 @@ impl Pulse {
         self.followed.is_some()
     }
 
+    /// Whether a pulse has fitted of late, and was followed.
+    #[must_use]
+    pub fn is_alive(&self, at_ns: u64) -> bool {
+        self.followed
+            .as_ref()
+            .is_some_and(|line| elapsed_s(at_ns, line.edge_ns) <= LOST_AFTER_S)
+    }
+
     /// UTC by the line at a time of the board's counter, with how far it may be off; both in ns.
     /// `None` while nothing is followed.
     #[must_use]

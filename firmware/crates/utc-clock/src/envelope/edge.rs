@@ -34,7 +34,7 @@ const GAP_S: f32 = 1.4;
 /// Bins over which the sharpness is averaged.
 const SHARPNESS_OVER: f32 = 30.0;
 /// What counts as sharp: half a bell's lowest marks are not quite even. Tuned.
-const SHARP: f32 = 0.965;
+const SHARP: f32 = 0.96;
 /// How many scales the floor is away with 95 %: ln 20 and a little for a sharp edge, and more for soft ones. Tuned.
 const SCALES: f32 = 3.9;
 const SCALES_SOFT: f32 = 36.0;

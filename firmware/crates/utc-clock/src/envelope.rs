@@ -543,8 +543,8 @@ impl Envelope {
     /// How far the line may be from the floor, in ns.
     fn doubt_ns(&self) -> f32 {
         let span_s = self.span_s();
-        let bend_ns = DRIFT_PPB_PER_S * span_s * span_s / 14.0;
-        let tilt_ns = (0.35 * libm::sqrtf(self.variance)).max(0.5 * self.unexplained_ppb) * span_s;
+        let bend_ns = DRIFT_PPB_PER_S * span_s * span_s / 16.0;
+        let tilt_ns = (0.2 * libm::sqrtf(self.variance)).max(0.5 * self.unexplained_ppb) * span_s;
         let drifted_ns = if self.age_s < RETURN_S {
             self.drifted_ns
         } else {

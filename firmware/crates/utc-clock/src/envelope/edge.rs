@@ -36,8 +36,8 @@ const SHARPNESS_OVER: f32 = 30.0;
 /// What counts as sharp: half a bell's lowest marks are not quite even. Tuned.
 const SHARP: f32 = 0.96;
 /// How many scales the floor is away with 95 %: ln 20 and a little for a sharp edge, and more for soft ones. Tuned.
-const SCALES: f32 = 3.9;
-const SCALES_SOFT: f32 = 36.0;
+const SCALES: f32 = 4.0;
+const SCALES_SOFT: f32 = 38.0;
 
 /// How densely marks lie above the floor.
 #[derive(Clone, Copy, Debug)]

@@ -264,6 +264,52 @@ fn a_jump_of_a_fraction_of_a_second_never_moves_it_faster_than_a_slew() {
 }
 
 #[test]
+fn a_receiver_that_drifts_away_is_followed_no_farther_than_a_crystal_goes() {
+    let mut faults = Faults::default();
+    for (seed, ppm, sign) in SEEDS.flat_map(|seed| {
+        [1, 10, 100, 500]
+            .into_iter()
+            .flat_map(move |ppm| [-1, 1].map(|sign| (seed, ppm, sign)))
+    }) {
+        let mut scene = scene(seed);
+        let drift = TimeFault::drift(THEN, sign * ppm * 1_000).until(at_s(1_200));
+        scene.receiver.time_faults.push(drift);
+        let line = Published::new();
+        let mut play = scene.play(&line);
+        play.until(THEN_S * SECOND);
+        let before = play.board.clock.counters();
+        play.board.margin_ppb = f64::INFINITY;
+        let frequency = play.frequency_until_ppb(1_200);
+        let counters = play.board.clock.counters();
+        let worst = worst_ns(play.since(THEN_S * SECOND));
+        let drifted = i64::from(ppm) * 600 * US;
+        let name = format!(
+            "{} ppm, seed {seed}: {worst} ns of {drifted}, {frequency:.0} ppb, {} refused",
+            sign * ppm,
+            counters.drift - before.drift
+        );
+        let bound = (drifted + MAX_NS).min(BELIEVED_NS);
+        faults.unless(worst <= bound, format!("{name}: the phase"));
+        let bound_ppb = (f64::from(ppm) * 1e3 + FREQUENCY_PPB).min(BELIEVED_PPB);
+        faults.unless(frequency <= bound_ppb, format!("{name}: the frequency"));
+        // One that falls behind is late.
+        let refused = counters.drift + counters.late - before.drift - before.late;
+        if ppm >= 100 {
+            faults.unless(refused > 0, format!("{name}: the counter"));
+        }
+        faults.unless(
+            steps(&counters) == steps(&before),
+            format!("{name}: stepped"),
+        );
+        // It comes back, and is believed again.
+        play.until(1_800 * SECOND);
+        let end = worst_ns(play.since(1_790 * SECOND));
+        faults.unless(end <= MAX_NS, format!("{name}: {end} ns in the end"));
+    }
+    faults.none();
+}
+
+#[test]
 fn a_receiver_that_drifts_away_with_its_pulse_is_followed_no_farther_either() {
     let mut faults = Faults::default();
     for (seed, ppm) in SEEDS.flat_map(|seed| [1, 10, 100, 500].map(|ppm| (seed, ppm))) {

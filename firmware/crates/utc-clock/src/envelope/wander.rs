@@ -31,7 +31,7 @@ const SLOW_WEIGHTS: f32 = 400.0;
 /// on 64 points exceeds this once in some 10⁵ judgements. Tuned.
 const SURE: f32 = 2.6;
 /// Less is enough to go on believing it.
-const STILL_SURE: f32 = 1.5;
+const STILL_SURE: f32 = 1.1;
 const CAP: f32 = 3.0;
 
 /// Whether the floor wanders, and the frequency if it does.

@@ -216,7 +216,8 @@ impl Pulse {
             if matches!(heard, PulseHeard::Followed(_)) {
                 self.followed = self.candidate.take();
             }
-            if !matches!(heard, PulseHeard::Refused(_)) {
+            // What bounces behind a candidate says nothing against it.
+            if heard != PulseHeard::Refused(PulseRefusal::OffLine) {
                 return heard;
             }
         }

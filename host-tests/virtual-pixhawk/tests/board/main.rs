@@ -13,4 +13,6 @@ mod common;
 #[cfg(test)]
 mod pulse;
 #[cfg(test)]
+mod steering;
+#[cfg(test)]
 mod ticks;

@@ -1,9 +1,12 @@
 //! The time pulse on AUX5: edges against the truth.
 
 use virtual_pixhawk::{Builder, Firmware, Pixhawk};
-use world::{Pulse, Pulses, Receiver, ReceiverSettings, WorldNanos};
+use world::{Pulse, PulseFault, PulseFaultKind, Pulses, Receiver, ReceiverSettings, WorldNanos};
 
-use crate::common::{image, receiver_settings};
+use crate::common::{MS, SECOND, START_UTC_NS, image, receiver_settings};
+
+/// TIM4 in the vector table (RM0090, table 62): 16 and the interrupt's number.
+const TIM4: u16 = 16 + 30;
 
 /// Core cycles a second of a board whose crystal is so far off, rounded as the virtual
 /// board rounds it.
@@ -44,4 +47,67 @@ fn the_capture_of_each_edge_is_the_moment_at_which_it_came() {
         println!("{crystal_ppb} ppb: within {worst:.2} cycles");
         assert!(worst <= CAPTURE_CYCLES, "{worst} cycles at {crystal_ppb}");
     }
+}
+
+/// The value of `key` in the last status line of the log; 0 if it is not there.
+fn status(board: &mut Pixhawk, key: &str) -> u64 {
+    let log = board.take_log().unwrap();
+    let line = log
+        .iter()
+        .rfind(|logged| logged.line.text.starts_with("status "));
+    let pairs = line.unwrap().line.text.split(' ');
+    let value = pairs.filter_map(|pair| pair.strip_prefix(key)?.strip_prefix('='));
+    value.last().map_or(0, |value| value.parse().unwrap())
+}
+
+#[test]
+fn a_wire_full_of_noise_costs_an_interrupt_a_millisecond() {
+    let Some(firmware) = image() else { return };
+    // 20 µs apart, for ever.
+    let noise = (0..).map(|n| Pulse {
+        edge: WorldNanos(100 * MS + n * 20_000),
+        end: WorldNanos(100 * MS + n * 20_000 + 10_000),
+        utc_s: None,
+        late_ps: 0,
+    });
+    let mut board = Builder::new(firmware)
+        .gps(Receiver::new(receiver_settings()))
+        .pulse(noise)
+        .power_on()
+        .unwrap();
+    board.run_to(WorldNanos(4 * SECOND)).unwrap();
+    board.start_meter(&[]).unwrap();
+    board.run_for(100 * MS).unwrap();
+    let tally = board.stop_meter().exceptions[&TIM4];
+    println!("{tally:?}");
+    // The alarm comes once a ms, and when a timer is due.
+    assert!((90..=120).contains(&tally.times), "{tally:?}");
+    // None of it is a pulse; the messages keep the clock.
+    let late_ns = START_UTC_NS + board.now().0.cast_signed() - board.clock().unwrap().reading.utc.0;
+    assert!((0..120 * MS.cast_signed()).contains(&late_ns), "{late_ns}");
+    assert_eq!(status(&mut board, "pulses"), 0);
+}
+
+#[test]
+fn of_an_edge_that_bounces_the_first_is_the_pulse() {
+    let Some(firmware) = image() else { return };
+    let mut settings = receiver_settings();
+    settings.pulse.faults = vec![PulseFault {
+        from: WorldNanos(0),
+        until: WorldNanos(u64::MAX),
+        kind: PulseFaultKind::Bouncing {
+            edges: 5,
+            within_ns: 5 * MS,
+        },
+    }];
+    let mut board = board(&firmware, 40_000, &settings);
+    board.run_to(WorldNanos(40 * SECOND + 200 * MS)).unwrap();
+    let clock = board.clock().unwrap();
+    let error_ns = clock.reading.utc.0 - START_UTC_NS - clock.at.0.cast_signed();
+    println!("{error_ns} ns");
+    assert!(error_ns.abs() <= i64::from(clock.reading.uncertainty_ns));
+    // A pulse at constant temperature: two boards are at most 130 ns apart.
+    assert!(error_ns.abs() <= 130, "{error_ns} ns");
+    let followed = status(&mut board, "edges_followed");
+    assert!(followed >= 30, "{followed}");
 }

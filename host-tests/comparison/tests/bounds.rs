@@ -3,8 +3,9 @@
 //! *Design.* The seeds are the first of those for figures. All fifty are
 //! `cargo xtask compare --check`'s, with the table that is kept.
 //!
-//! *Limits.* How wide the uncertainty is beside the error is left to the fifty: five
-//! seeds' mean error is off by more than what the bound leaves.
+//! *Limits.* How wide the uncertainty is beside the error, and the tail of the
+//! difference beside that of the floors, are left to the fifty: five seeds' own mean
+//! error, and five seeds' floors, are off by more than what the bounds leave.
 
 use std::ops::Range;
 
@@ -14,6 +15,8 @@ use comparison::figures::Figures;
 use comparison::{campaign, report};
 
 const SEEDS: Range<u64> = FIGURES.start..FIGURES.start + 5;
+
+const LEFT_OUT: [Quantity; 2] = [Quantity::Width, Quantity::P99OverFloors];
 
 fn figures(name: &str) -> Figures {
     let case = find(name).expect("a case of that name");
@@ -29,7 +32,7 @@ fn every_case_holds_its_bounds_on_phase_rate_and_uncertainty() {
         let verdicts = judge(&figures);
         let breaks = verdicts
             .iter()
-            .filter(|verdict| !verdict.holds && verdict.bound.quantity != Quantity::Width);
+            .filter(|verdict| !verdict.holds && !LEFT_OUT.contains(&verdict.bound.quantity));
         broken.extend(breaks.map(|verdict| (case.name, *verdict)));
     }
     assert!(broken.is_empty(), "{broken:#?}");

@@ -56,8 +56,8 @@ fn status(board: &mut Pixhawk, key: &str) -> u64 {
         .iter()
         .rfind(|logged| logged.line.text.starts_with("status "));
     let pairs = line.unwrap().line.text.split(' ');
-    let value = pairs.filter_map(|pair| pair.strip_prefix(key)?.strip_prefix('='));
-    value.last().map_or(0, |value| value.parse().unwrap())
+    let mut value = pairs.filter_map(|pair| pair.strip_prefix(key)?.strip_prefix('='));
+    value.next_back().map_or(0, |value| value.parse().unwrap())
 }
 
 #[test]

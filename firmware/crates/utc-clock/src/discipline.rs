@@ -212,8 +212,13 @@ impl Discipline {
         if floor.fast_ppb > CRYSTAL_PPB || floor.fast_ppb < -CRYSTAL_PPB {
             return Err(Refusal::Crystal);
         }
+        let was_adrift = self.is_adrift;
         self.is_adrift = !self.anchor.reaches(local_ns, floor_utc_ns, &floor);
         if self.is_adrift {
+            if !was_adrift {
+                // What it remembers of the way here would pass for a crystal's drift.
+                self.envelope.forget();
+            }
             self.envelope.believe(heard.at.as_micros(), self.fast_ppb);
             return Err(Refusal::Drift);
         }

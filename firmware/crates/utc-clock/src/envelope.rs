@@ -19,8 +19,8 @@
 //! * While the floor itself [wanders](wander), the frequency is that of many minutes, and the level
 //!   the lowest of as many.
 //!
-//! The work of a closed bin is spread over the marks that follow: a mark costs one scan
-//! of the bins at most.
+//! The work of a closed bin is spread over the marks that follow ([`survey`]): none costs more than one
+//! look at the bins.
 //!
 //! *Limits.* A floor that moves by itself for longer than it remembers moves the clock. Marks
 //! farther from the line than [`TOO_LATE_NS`] are turned away, since lateness is kept in 32 bits.
@@ -28,11 +28,13 @@
 mod bins;
 mod edge;
 mod line;
+mod survey;
 mod wander;
 
 use bins::Bins;
-use edge::{Edge, Lowest};
+use edge::Edge;
 use line::{Line, Point, seconds};
+use survey::Survey;
 use wander::Wander;
 
 use crate::holdover::DRIFT_PPB_PER_S;
@@ -90,6 +92,9 @@ const FREQUENCY_WALK: f32 = 80.0 * 80.0;
 const SLOPE_WORTH_S: f32 = 100.0;
 const FIRST_SLOPE_WORTH_S: f32 = 8.0;
 
+/// So many points are looked at for one mark when the level is sought.
+const LEVEL_AT_ONCE: usize = 15;
+
 /// The same while the floor wanders, in ppb².
 const WANDER_VARIANCE: f32 = 5_000.0 * 5_000.0;
 /// The lowest of half a window is twice as far above the floor as that of a whole one; and there are two.
@@ -139,11 +144,12 @@ fn elapsed_s(later_us: u64, earlier_us: u64) -> f32 {
 }
 
 /// What the bins still have to be asked.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 enum Chore {
     Nothing,
-    Frequency,
-    Level,
+    Survey(Survey),
+    /// Points that are done, how far the lowest of them is above the line, in ns, and that line.
+    Level(usize, i32, Line),
     Wander,
 }
 
@@ -369,10 +375,12 @@ impl Envelope {
 
     fn take_in(&mut self, point: Point, excess_ns: i32) {
         self.wander.fill(point, excess_ns, &self.line);
-        if self.chore == Chore::Nothing && self.bins.is_over(point.at_us) {
+        if matches!(self.chore, Chore::Nothing) && self.bins.is_over(point.at_us) {
+            let lasted_s = self.bins.lasted_s(point.at_us);
             if let Some(lowest) = self.bins.close(point.at_us) {
-                self.edge.close_bin(self.line.excess_ns(lowest));
-                self.chore = Chore::Frequency;
+                self.edge.close_bin(self.line.excess_ns(lowest), lasted_s);
+                let line = self.line.moved_to(point.at_us);
+                self.chore = Chore::Survey(Survey::new(line, self.span_s()));
             }
         } else {
             self.work(point.at_us);
@@ -388,28 +396,37 @@ impl Envelope {
     /// Does one piece of the work that the last bins left.
     fn work(&mut self, at_us: u32) {
         self.chore = match self.chore {
-            Chore::Frequency => {
-                match self.wander.slow_ppb() {
-                    Some(slow_ppb) if self.wanders() => {
-                        self.measure(at_us);
-                        self.line.fast_ppb = slow_ppb;
-                        self.variance = WANDER_VARIANCE;
-                    }
-                    _ => self.learn_frequency(at_us),
-                }
-                Chore::Level
-            }
-            Chore::Level => {
-                self.find_level(at_us);
-                if self.wander.is_due() {
-                    Chore::Wander
+            Chore::Survey(mut survey) => {
+                if survey.look(self.bins.full()) {
+                    self.edge.measure(survey.lowest(), survey.span_s());
+                    self.adapt_window(survey.span_s());
+                    // From here on it rises differently.
+                    self.line = self.line.moved_to(at_us);
+                    self.learn_frequency(&survey);
+                    Chore::Level(0, i32::MAX, self.line)
                 } else {
-                    Chore::Nothing
+                    Chore::Survey(survey)
+                }
+            }
+            Chore::Level(done, lowest_ns, line) => {
+                let lowest_ns = lowest_ns.min(self.lowest_of_some(done, &line));
+                if done + LEVEL_AT_ONCE < self.points_for_level() {
+                    Chore::Level(done + LEVEL_AT_ONCE, lowest_ns, line)
+                } else {
+                    self.set_level(lowest_ns, line, at_us);
+                    if self.wander.is_due() {
+                        Chore::Wander
+                    } else {
+                        Chore::Nothing
+                    }
                 }
             }
             Chore::Wander => {
-                self.wander.judge(at_us, &self.line, &self.edge);
-                Chore::Nothing
+                if self.wander.judge(at_us, &self.line, &self.edge) {
+                    Chore::Nothing
+                } else {
+                    Chore::Wander
+                }
             }
             Chore::Nothing => Chore::Nothing,
         };
@@ -424,11 +441,18 @@ impl Envelope {
         self.age_s.min(self.window_s)
     }
 
-    fn learn_frequency(&mut self, at_us: u32) {
-        let Some((slope_ppb, apart_s)) = self.measure(at_us) else {
+    fn learn_frequency(&mut self, survey: &Survey) {
+        if let Some(slow_ppb) = self.wander.slow_ppb()
+            && self.wanders()
+        {
+            self.line.fast_ppb = slow_ppb;
+            self.variance = WANDER_VARIANCE;
+            return;
+        }
+        let Some((slope_ppb, apart_s)) = survey.slope() else {
             return;
         };
-        let span_s = self.span_s();
+        let span_s = survey.span_s();
         let slope_doubt = TWO_HALVES * self.edge.scale_ns() / apart_s;
         // The same points are asked again and again until the first window is full.
         let worth_s = if self.is_young() {
@@ -468,38 +492,6 @@ impl Envelope {
         self.variance *= 1.0 - gain;
     }
 
-    /// How blunt the edge is, from the bins in the window; and the slope between the lowest
-    /// points of its halves, in ppb, with the time between them, in s.
-    fn measure(&mut self, at_us: u32) -> Option<(f32, f32)> {
-        let line = self.line.moved_to(at_us);
-        self.line = line;
-        let span_s = self.span_s();
-        let mut lowest = Lowest::new();
-        let mut older: Option<(i32, f32)> = None;
-        let mut newer: Option<(i32, f32)> = None;
-        for bin in self.bins.full() {
-            let age_s = seconds(at_us, bin.at_us);
-            if age_s > span_s {
-                continue;
-            }
-            let excess_ns = line.excess_ns(*bin);
-            lowest.add(excess_ns);
-            let half = if age_s > span_s / 2.0 {
-                &mut older
-            } else {
-                &mut newer
-            };
-            if half.is_none_or(|(least, _)| excess_ns < least) {
-                *half = Some((excess_ns, age_s));
-            }
-        }
-        self.edge.measure(&lowest, span_s);
-        self.adapt_window(span_s);
-        let ((older_ns, older_age_s), (newer_ns, newer_age_s)) = (older?, newer?);
-        let apart_s = (older_age_s - newer_age_s).max(span_s / 4.0).max(1.0);
-        Some((newer_ns.wrapping_sub(older_ns) as f32 / apart_s, apart_s))
-    }
-
     /// Moves the window towards where the edge's noise and a drift's bend are in balance.
     fn adapt_window(&mut self, span_s: f32) {
         if self.age_s < ADAPT_AFTER_S {
@@ -515,28 +507,37 @@ impl Envelope {
         self.window_s = (self.window_s * (1.0 + step)).clamp(WINDOW_S.0, WINDOW_S.1);
     }
 
-    /// Puts the line's level on the lowest of the window, or of everything while the
-    /// floor wanders.
-    fn find_level(&mut self, at_us: u32) {
-        let line = self.line.moved_to(at_us);
-        let window_s = self.window_s;
-        let recent = self
-            .bins
-            .full()
-            .iter()
-            .filter(|point| seconds(at_us, point.at_us) <= window_s);
+    /// How many points the level is the lowest of: those of the window, and of everything while the floor
+    /// wanders.
+    fn points_for_level(&self) -> usize {
         let long = if self.wanders() {
-            self.wander.points()
+            self.wander.points().len()
         } else {
-            &[]
+            0
         };
-        let filling = self.bins.filling();
-        let lowest = recent.chain(long).chain(&filling);
-        let lowest_ns = lowest.map(|point| line.excess_ns(*point)).min();
+        self.bins.full().len() + long
+    }
+
+    /// How far the lowest of some of them is above `line`, in ns.
+    fn lowest_of_some(&self, from: usize, line: &Line) -> i32 {
+        let recent = self.bins.full().iter().map(|point| (point, self.window_s));
+        let long = self.wander.points().iter().map(|point| (point, f32::MAX));
+        let mut lowest_ns = i32::MAX;
+        for (point, within_s) in recent.chain(long).skip(from).take(LEVEL_AT_ONCE) {
+            if seconds(line.at_us, point.at_us) <= within_s {
+                lowest_ns = lowest_ns.min(line.excess_ns(*point));
+            }
+        }
+        lowest_ns
+    }
+
+    /// Puts the line's level so far above `line`, or lower if a mark has come lower meanwhile.
+    fn set_level(&mut self, lowest_ns: i32, line: Line, at_us: u32) {
+        let since = self.bins.filling().map(|point| line.excess_ns(point));
+        let lowest_ns = since.map_or(lowest_ns, |ns| ns.min(lowest_ns));
         // Whether a floor has moved farther is for the marks to come to say.
-        let is_near = |ns: &i32| *ns < NEAR_NS || self.is_young();
-        if let Some(excess_ns) = lowest_ns.filter(is_near) {
-            self.line = line.raised(excess_ns);
+        if lowest_ns < NEAR_NS || (self.is_young() && lowest_ns < i32::MAX) {
+            self.line = line.raised(lowest_ns).moved_to(at_us);
         }
     }
 

@@ -8,7 +8,7 @@
 //!
 //! *Limits.* Full bins come back in no particular order: none is needed here.
 
-use super::line::{Line, Point};
+use super::line::{Line, Point, seconds};
 
 /// The bin that is being filled, and the lowest points of up to `N` full ones.
 #[derive(Clone, Debug)]
@@ -51,6 +51,11 @@ impl<const N: usize> Bins<N> {
         at_us.wrapping_sub(self.ends_us).cast_signed() >= 0
     }
 
+    /// For how long the bin has been filled by then, in s.
+    pub(super) fn lasted_s(&self, at_us: u32) -> f32 {
+        seconds(at_us, self.ends_us.wrapping_sub(self.width_us))
+    }
+
     /// Closes the bin that is being filled and begins the next; the lowest point of the one that is closed.
     pub(super) fn close(&mut self, at_us: u32) -> Option<Point> {
         self.ends_us = at_us.wrapping_add(self.width_us);
@@ -84,6 +89,12 @@ impl<const N: usize> Bins<N> {
     /// The lowest point of the bin that is being filled.
     pub(super) const fn filling(&self) -> Option<Point> {
         self.filling
+    }
+
+    /// The lowest point of the oldest full one.
+    pub(super) fn oldest(&self) -> Option<Point> {
+        let first = if self.length < N { 0 } else { self.next };
+        self.full().get(first).copied()
     }
 
     /// The lowest points of the full ones.

@@ -36,7 +36,7 @@ const SHARPNESS_OVER: f32 = 30.0;
 /// What counts as sharp: half a bell's lowest marks are not quite even. Tuned.
 const SHARP: f32 = 0.96;
 /// How many scales the floor is away with 95 %: ln 20 and a little for a sharp edge, and more for soft ones. Tuned.
-const SCALES: f32 = 4.0;
+const SCALES: f32 = 3.85;
 const SCALES_SOFT: f32 = 38.0;
 
 /// How densely marks lie above the floor.
@@ -75,10 +75,11 @@ impl Edge {
         self.second_ns = Some(second_ns);
     }
 
-    /// A bin is full; its lowest mark is so far above the line.
-    pub(super) fn close_bin(&mut self, lowest_ns: i32) {
+    /// A bin of so many seconds is full; its lowest mark is so far above the line.
+    pub(super) fn close_bin(&mut self, lowest_ns: i32, lasted_s: f32) {
         if let Some(second_ns) = self.second_ns.take() {
-            let gap_ns = second_ns.saturating_sub(lowest_ns).max(0) as f32;
+            // The gap that one of 2 s has.
+            let gap_ns = second_ns.saturating_sub(lowest_ns).max(0) as f32 * lasted_s / 2.0;
             self.gaps = (self.gaps + 1.0).min(GAPS_OVER);
             self.gap_ns += (gap_ns - self.gap_ns) / self.gaps;
         }
@@ -113,6 +114,7 @@ impl Edge {
 }
 
 /// The lowest few of a row of numbers.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Lowest {
     sorted: [i32; LOWEST],
     count: usize,
@@ -135,11 +137,18 @@ impl Lowest {
         {
             return;
         }
-        let mut value = value;
-        for place in &mut self.sorted {
-            if value < *place {
-                core::mem::swap(&mut value, place);
+        // In the greatest's place, and down to its own.
+        if let Some(greatest) = self.sorted.last_mut() {
+            *greatest = value;
+        }
+        for upper in (1..LOWEST).rev() {
+            let Some([lower, upper]) = self.sorted.get_mut(upper - 1..=upper) else {
+                return;
+            };
+            if *lower <= *upper {
+                return;
             }
+            core::mem::swap(lower, upper);
         }
     }
 
@@ -174,7 +183,7 @@ mod tests {
         for _ in 0..2_000 {
             edge.note(1_000);
             edge.note(400);
-            edge.close_bin(100);
+            edge.close_bin(100, 2.0);
         }
         let gap_ns = edge.gap_in(GAP_S * 2.0) * 2.0;
         assert!((gap_ns - 300.0).abs() < 30.0, "{gap_ns}");

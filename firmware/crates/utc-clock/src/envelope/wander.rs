@@ -20,6 +20,8 @@ const BIN_US: u32 = 7_500_000;
 const BINS: usize = 64;
 /// The ring is asked when it is so full: 6 minutes.
 const ENOUGH: usize = 48;
+/// So many points are looked at for one mark.
+const AT_ONCE: usize = 12;
 /// The whole ring, in s.
 const FULL_S: f32 = 480.0;
 
@@ -29,7 +31,7 @@ const SLOW_WEIGHTS: f32 = 400.0;
 /// The floor wanders when its points scatter so many times as much, in variance, as the edge explains:
 /// exponential noise, each point's part capped at [`CAP`] standard deviations, has 0.85, and
 /// on 64 points exceeds this once in some 10⁵ judgements. Tuned.
-const SURE: f32 = 2.6;
+const SURE: f32 = 2.4;
 /// Less is enough to go on believing it.
 const STILL_SURE: f32 = 1.1;
 const CAP: f32 = 3.0;
@@ -39,6 +41,7 @@ const CAP: f32 = 3.0;
 pub(super) struct Wander {
     bins: Bins<BINS>,
     is_due: bool,
+    judging: Option<(Frame, Step)>,
     slow_ppb: f32,
     weight: f32,
     /// About the long line while the floor wanders, in ns; else 0.
@@ -50,6 +53,7 @@ impl Wander {
         Self {
             bins: Bins::new(BIN_US),
             is_due: false,
+            judging: None,
             slow_ppb: fast_ppb,
             weight: 0.0,
             scatter_ns: 0.0,
@@ -60,6 +64,7 @@ impl Wander {
     pub(super) const fn begin(&mut self, at_us: u32) {
         self.bins.begin(at_us);
         self.is_due = false;
+        self.judging = None;
         self.scatter_ns = 0.0;
     }
 
@@ -91,42 +96,67 @@ impl Wander {
         self.bins.full()
     }
 
-    /// Fits a straight line to the ring, and judges by it.
-    pub(super) fn judge(&mut self, at_us: u32, line: &Line, edge: &Edge) {
-        self.is_due = false;
+    /// Does a piece of the judgement, [`AT_ONCE`] points; whether that was the last one.
+    pub(super) fn judge(&mut self, at_us: u32, line: &Line, edge: &Edge) -> bool {
         let points = self.bins.full();
-        if points.len() < ENOUGH {
-            return;
-        }
-        let line = line.moved_to(at_us);
-        let span_s = points
-            .iter()
-            .map(|point| seconds(at_us, point.at_us))
-            .fold(0.0, f32::max);
-        let place = |point: &Point| {
-            let ns = line.excess_ns(*point) as f32;
-            (-seconds(at_us, point.at_us), ns)
+        let (frame, step) = match self.judging.take() {
+            Some(judging) => judging,
+            None => {
+                self.is_due = false;
+                if points.len() < ENOUGH {
+                    return true;
+                }
+                let oldest = self.bins.oldest().unwrap_or_default();
+                let frame = Frame::new(at_us, line, oldest);
+                (frame, Step::Fit(0, Sums::default()))
+            }
         };
-        let fit = Parabola::fit(points, span_s, place);
-        let part = fit.span_s / FULL_S;
+        let next = match step {
+            Step::Fit(done, mut sums) => {
+                for point in points.iter().skip(done).take(AT_ONCE) {
+                    sums.add(frame.place(*point));
+                }
+                if done + AT_ONCE < points.len() {
+                    Step::Fit(done + AT_ONCE, sums)
+                } else {
+                    let fit = Parabola::fit(&sums);
+                    self.learn(&frame, &fit);
+                    Step::Weigh(0, fit, 0.0)
+                }
+            }
+            Step::Weigh(done, fit, mut capped) => {
+                let explained = explained(edge);
+                let most = CAP * CAP * explained;
+                for point in points.iter().skip(done).take(AT_ONCE) {
+                    let ns = fit.residual(frame.place(*point));
+                    capped += (ns * ns).min(most);
+                }
+                if done + AT_ONCE >= points.len() {
+                    self.conclude(capped / (explained * (points.len() as f32 - 3.0)), &fit);
+                    return true;
+                }
+                Step::Weigh(done + AT_ONCE, fit, capped)
+            }
+        };
+        self.judging = Some((frame, next));
+        false
+    }
+
+    fn learn(&mut self, frame: &Frame, fit: &Parabola) {
+        let part = 2.0 * frame.half_s / FULL_S;
         let weight = part * part * part;
         self.weight = (self.weight + weight).min(SLOW_WEIGHTS);
-        self.slow_ppb += weight / self.weight * (line.fast_ppb + fit.slope_ppb - self.slow_ppb);
+        let fast_ppb = frame.line.fast_ppb + fit.slope / frame.half_s;
+        self.slow_ppb += weight / self.weight * (fast_ppb - self.slow_ppb);
+    }
 
-        let edge_ns = edge.gap_in(BIN_US as f32 * 1e-6) * EXPONENTIAL;
-        let explained = edge_ns * edge_ns + BEND_NS * BEND_NS;
-        let most = CAP * CAP * explained;
-        let capped: f32 = points
-            .iter()
-            .map(|point| fit.residual(place(point)))
-            .map(|ns| (ns * ns).min(most))
-            .sum();
+    fn conclude(&mut self, excess: f32, fit: &Parabola) {
         let sure = if self.scatter_ns > 0.0 {
             STILL_SURE
         } else {
             SURE
         };
-        self.scatter_ns = if capped > sure * explained * (points.len() as f32 - 3.0) {
+        self.scatter_ns = if excess > sure {
             libm::sqrtf(fit.scatter)
         } else {
             0.0
@@ -134,11 +164,71 @@ impl Wander {
     }
 }
 
+/// The variance about a parabola that the edge alone explains, in ns².
+fn explained(edge: &Edge) -> f32 {
+    let edge_ns = edge.gap_in(BIN_US as f32 * 1e-6) * EXPONENTIAL;
+    edge_ns * edge_ns + BEND_NS * BEND_NS
+}
+
+/// How far a judgement has come: points that are done, and what came of them.
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    Fit(usize, Sums),
+    /// With the sum of the squares about the parabola, each capped.
+    Weigh(usize, Parabola, f32),
+}
+
+/// From where a judgement looks at the points.
+#[derive(Clone, Copy, Debug)]
+struct Frame {
+    line: Line,
+    /// Half of the time from the oldest point to now, in s.
+    half_s: f32,
+}
+
+impl Frame {
+    fn new(at_us: u32, line: &Line, oldest: Point) -> Self {
+        Self {
+            line: line.moved_to(at_us),
+            half_s: (seconds(at_us, oldest.at_us) / 2.0).max(1.0),
+        }
+    }
+
+    /// When a point was, from −1 to 1, and how far above the line, in ns.
+    fn place(&self, point: Point) -> (f32, f32) {
+        let u = seconds(point.at_us, self.line.at_us) / self.half_s + 1.0;
+        (u, self.line.excess_ns(point) as f32)
+    }
+}
+
+/// What a parabola is fitted to.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    n: f32,
+    /// Of u, u², u³, u⁴.
+    u: [f32; 4],
+    /// Of y, uy, u²y.
+    y: [f32; 3],
+    yy: f32,
+}
+
+impl Sums {
+    fn add(&mut self, (u, ns): (f32, f32)) {
+        let uu = u * u;
+        let [u1, u2, u3, u4] = self.u;
+        let [y0, y1, y2] = self.y;
+        self.n += 1.0;
+        self.u = [u1 + u, u2 + uu, u3 + u * uu, u4 + uu * uu];
+        self.y = [y0 + ns, y1 + u * ns, y2 + uu * ns];
+        self.yy += ns * ns;
+    }
+}
+
 /// A parabola fitted to points: what a crystal that drifts steadily makes of them.
+#[derive(Clone, Copy, Debug)]
 struct Parabola {
-    span_s: f32,
-    /// The slope of the straight line through the same points, in ppb.
-    slope_ppb: f32,
+    /// The rise of the straight line through the same points, over half of their time, in ns.
+    slope: f32,
     /// In u, from −1 to 1: height, slope and bend, in ns.
     in_u: [f32; 3],
     /// The variance about the parabola, in ns².
@@ -146,27 +236,14 @@ struct Parabola {
 }
 
 impl Parabola {
-    /// Fits by least squares; `place` tells a point's time in s, from −`span_s` to 0, and its height in ns.
-    fn fit(points: &[Point], span_s: f32, place: impl Fn(&Point) -> (f32, f32)) -> Self {
-        // Times from −1 to 1, where 1, u and u² − ⅓ are all but orthogonal for points that are spread evenly.
-        let half_s = (span_s / 2.0).max(1.0);
-        let n = points.len() as f32;
-        let (mut y0, mut y1, mut y2, mut yy) = (0.0, 0.0, 0.0, 0.0);
-        let (mut u1, mut u2, mut u3, mut u4) = (0.0, 0.0, 0.0, 0.0);
-        for point in points {
-            let (at_s, ns) = place(point);
-            let u = at_s / half_s + 1.0;
-            let uu = u * u;
-            y0 += ns;
-            y1 += u * ns;
-            y2 += uu * ns;
-            yy += ns * ns;
-            u1 += u;
-            u2 += uu;
-            u3 += u * uu;
-            u4 += uu * uu;
-        }
-        // Gram and Schmidt: less the mean, less the slope, less the bend.
+    /// By least squares; Gram and Schmidt: less the mean, less the slope, less the bend.
+    fn fit(sums: &Sums) -> Self {
+        let Sums {
+            n,
+            u: [u1, u2, u3, u4],
+            y: [y0, y1, y2],
+            yy,
+        } = *sums;
         let (a11, a12, a22) = (u2 - u1 * u1 / n, u3 - u1 * u2 / n, u4 - u2 * u2 / n);
         let (b1, b2) = (y1 - u1 * y0 / n, y2 - u2 * y0 / n);
         let slope = quotient(b1, a11);
@@ -176,16 +253,14 @@ impl Parabola {
         let height = (y0 - bent_slope * u1 - bend * u2) / n;
         let left = yy - y0 * y0 / n - slope * b1 - bent;
         Self {
-            span_s,
-            slope_ppb: slope / half_s,
+            slope,
             in_u: [height, bent_slope, bend],
             scatter: (left / (n - 3.0)).max(0.0),
         }
     }
 
     /// How far above the parabola a place is, in ns.
-    fn residual(&self, (at_s, ns): (f32, f32)) -> f32 {
-        let u = at_s / (self.span_s / 2.0).max(1.0) + 1.0;
+    fn residual(&self, (u, ns): (f32, f32)) -> f32 {
         let [height, slope, bend] = self.in_u;
         ns - (height + u * (slope + u * bend))
     }
@@ -213,25 +288,20 @@ mod tests {
 
     #[test]
     fn a_parabola_is_found_and_leaves_nothing() {
-        let points = [Point::default(); 50];
-        let places: [(f32, f32); 50] = core::array::from_fn(|i| {
-            let at_s = -(i as f32) * (10.0 - 0.05 * i as f32);
-            (at_s, 1_000.0 + 30.0 * at_s + 0.2 * at_s * at_s)
-        });
-        let row = core::cell::Cell::new(0);
-        let place = |_: &Point| {
-            let place = places[row.get() % 50];
-            row.set(row.get() + 1);
-            place
+        let place = |i: u8| {
+            let u = -1.0 + 0.04 * f32::from(i) + 0.0001 * f32::from(i) * f32::from(i);
+            (u, 1_000.0 + 3_000.0 * u + 2_000.0 * u * u)
         };
-        let span_s = -places[49].0;
-        let fit = Parabola::fit(&points, span_s, place);
-        // f32: of heights of 30 000 ns.
-        assert!(fit.scatter < 4.0, "{}", fit.scatter);
-        for place in places {
-            assert!(fit.residual(place).abs() < 1.0);
+        let mut sums = Sums::default();
+        for i in 0..45 {
+            sums.add(place(i));
         }
-        // The straight line's slope is that of the chord, nearly.
-        assert!((fit.slope_ppb - (30.0 - 0.2 * span_s)).abs() < 0.05 * span_s);
+        let fit = Parabola::fit(&sums);
+        // f32: of heights of 6 000 ns.
+        assert!(fit.scatter < 1.0, "{}", fit.scatter);
+        for i in 0..45 {
+            assert!(fit.residual(place(i)).abs() < 1.0);
+        }
+        assert!((fit.slope - 3_000.0).abs() < 300.0, "{}", fit.slope);
     }
 }

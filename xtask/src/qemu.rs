@@ -209,7 +209,7 @@ impl Drop for Running {
 
 /// Who talks on a board's GPS line.
 enum Player {
-    Receiver(Receiver),
+    Receiver(Box<Receiver>),
     Recording(Recording),
 }
 
@@ -224,7 +224,7 @@ impl Player {
 
     fn talker(&mut self) -> &mut dyn Talker {
         match self {
-            Self::Receiver(receiver) => receiver,
+            Self::Receiver(receiver) => &mut **receiver,
             Self::Recording(recording) => recording,
         }
     }
@@ -248,7 +248,7 @@ fn talker(options: &console::Options, index: u16) -> Result<Player> {
     };
     let mut settings = ReceiverSettings::new(utc_ns);
     settings.seed = u64::from(index);
-    Ok(Player::Receiver(Receiver::new(settings)))
+    Ok(Player::Receiver(Box::new(Receiver::new(settings))))
 }
 
 /// Plays the receiver in real time until `is_over`.

@@ -62,8 +62,8 @@ impl Scene {
         }
     }
 
-    /// The same with the pulse of the receiver as it is now plugged in, and a latency that nobody knows: a
-    /// pulse tells.
+    /// The same with the pulse of the receiver as it is now plugged in, and a latency that nobody
+    /// knows: a pulse tells.
     #[must_use]
     pub fn with_pulse(self) -> Self {
         Self {

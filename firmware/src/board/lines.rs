@@ -12,7 +12,8 @@ macro_rules! line {
         pub(super) static $name: Line = {
             static INCOMING: Incoming = Incoming::new();
             static mut OUTGOING: Queue<u8, $outgoing> = Queue::new();
-            // SAFETY: the rings are named nowhere else, so that this is the only use of the one and the only split of the other. The UART is ours: its peripheral is consumed by `init`.
+            // SAFETY: the rings are named nowhere else, so that this is the only use of the one and
+            // the only split of the other. The UART is ours: its peripheral is consumed by `init`.
             #[expect(static_mut_refs, reason = "split once, here, at compile time")]
             unsafe {
                 Line::new(

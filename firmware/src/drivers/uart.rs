@@ -3,9 +3,9 @@
 //! *Purpose.* Between a UART's interrupt and a task stand two rings; this module
 //! has both, and the interrupt's handler.
 //!
-//! *Design.* The handler stamps a byte, stores it and wakes nobody: the alarm looks
-//! into the rings once a millisecond ([`Line::wake_reader`]), and wakes the task
-//! when the line pauses or much has come. The stamps make that delay harmless. Each end of a ring has one owner: the handler owns
+//! *Design.* The handler stamps a byte, stores it and wakes nobody: the alarm looks into the rings
+//! once a millisecond ([`Line::wake_reader`]), and wakes the task when the line pauses or much has
+//! come. The stamps make that delay harmless. Each end of a ring has one owner: the handler owns
 //! the ends in [`Line`]; [`Line::open`] hands the other ends to a task, once.
 //!
 //! | ring | filled by | drained by | when full |

@@ -10,15 +10,14 @@
 //! ([`Session::handle_sent`]): before that the session asks for nothing, above all
 //! for no other rate.
 //!
-//! An *attempt* sends CFG-PRT at one rate, goes to [`BAUD`], lets the receiver do
-//! the same, and sends the first setting there. CFG-PRT itself is not waited for:
-//! its answer comes at a rate that is not defined. If anything readable comes, the
-//! receiver is found, and the other settings follow, each until it is answered or
-//! [`TRIES`] times. Whether TIM-TP is to come is the last of them and is sent again
-//! when the wish changes; a receiver that refuses is not asked again. It comes on
-//! request only, since a burst should begin with NAV-PVT. If nothing comes, the next attempt takes the next rate of
-//! [`BAUDS`]. After a *round* of all of them the session listens for [`SILENCE`].
-//! While frames arrive, no rate is tried: only silence of [`SILENCE`] begins a new
+//! An *attempt* sends CFG-PRT at one rate, goes to [`BAUD`], lets the receiver do the same, and
+//! sends the first setting there. CFG-PRT itself is not waited for: its answer comes at a rate that
+//! is not defined. If anything readable comes, the receiver is found, and the other settings
+//! follow, each until it is answered or [`TRIES`] times. Whether TIM-TP is to come is the last of
+//! them and is sent again when the wish changes; a receiver that refuses is not asked again. It
+//! comes on request only, since a burst should begin with NAV-PVT. If nothing comes, the next
+//! attempt takes the next rate of [`BAUDS`]. After a *round* of all of them the session listens for
+//! [`SILENCE`]. While frames arrive, no rate is tried: only silence of [`SILENCE`] begins a new
 //! round.
 //!
 //! *Limits.* A receiver that does not hear us but talks at [`BAUD`] is left alone.

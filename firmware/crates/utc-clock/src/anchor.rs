@@ -4,21 +4,21 @@
 //! possible without a pulse; and knows the frequency of the whole lock, for a holdover.
 //!
 //! *Design.* A line that runs with the frequency of many minutes and is drawn after the floor by no
-//! more than [`FOLLOW_PPB`]. A floor that leaves it by more than floors wander is not a crystal's: its
-//! marks are refused. The line goes on being drawn, so that a receiver that has
-//! stopped drifting is heard again.
+//! more than [`FOLLOW_PPB`]. A floor that leaves it by more than floors wander is not a crystal's:
+//! its marks are refused. The line goes on being drawn, so that a receiver that has stopped
+//! drifting is heard again.
 //!
 //! Two floors of long ago are kept. The slope from the older one to the present floor is the
-//! frequency over 10 to 20 minutes: better than any that was learnt within a window, as long as the crystal
-//! was steady.
+//! frequency over 10 to 20 minutes: better than any that was learnt within a window, as long as the
+//! crystal was steady.
 //!
 //! *Limits.* It needs six minutes of marks; before that it has no opinion. Within its reach
 //! a receiver may drift as it likes.
 
 use crate::envelope::Floor;
 
-/// How fast the line is drawn after the floor, at most, in ppb: more than the many minutes lag behind
-/// a crystal that drifts by 1 ppm a minute.
+/// How fast the line is drawn after the floor, at most, in ppb: more than the many minutes lag
+/// behind a crystal that drifts by 1 ppm a minute.
 const FOLLOW_PPB: f32 = 40_000.0;
 /// How far the floor may be from the line, in ns: twice what the floors of real receivers wander.
 const REACH_NS: f32 = 20e6;
@@ -29,7 +29,8 @@ const SETTLED_PPB: f32 = 1_000.0;
 const KEPT_EVERY_S: f32 = 600.0;
 /// The shortest slope that is of use, in s.
 const LEAST_SLOPE_S: f32 = 200.0;
-/// The slope is as good as the last frequency if they are not farther apart, in ppb, beyond the doubt.
+/// The slope is as good as the last frequency if they are not farther apart, in ppb, beyond the
+/// doubt.
 const STEADY_PPB: f32 = 500.0;
 
 /// A floor: ns since boot by the board's counter, and UTC then, in ns.
@@ -68,7 +69,8 @@ impl Anchor {
         }
     }
 
-    /// Whether the floor, which is at `utc_ns` when the board's counter is at `local_ns`, is a crystal's.
+    /// Whether the floor, which is at `utc_ns` when the board's counter is at `local_ns`, is a
+    /// crystal's.
     pub(crate) fn reaches(&mut self, local_ns: u64, utc_ns: i64, floor: &Floor) -> bool {
         let now = Kept { local_ns, utc_ns };
         let (Some(line), Some(slow_ppb)) = (self.line, floor.slow_ppb) else {
@@ -108,7 +110,8 @@ impl Anchor {
         }
     }
 
-    /// The frequency of the whole lock, in ppb, if the crystal was as steady as `fast_ppb` can tell.
+    /// The frequency of the whole lock, in ppb, if the crystal was as steady as `fast_ppb` can
+    /// tell.
     pub(crate) fn steady_ppb(&self, fast_ppb: f32, doubt_ppb: f32) -> Option<f32> {
         let (older, latest) = (self.older?, self.latest?);
         let passed_s = older.elapsed_s(&latest);
@@ -136,8 +139,8 @@ mod tests {
         }
     }
 
-    /// Floors a second apart, of a receiver that drifts by so much on a crystal that is 20 ppm fast; how many
-    /// were refused.
+    /// Floors a second apart, of a receiver that drifts by so much on a crystal that is 20 ppm
+    /// fast; how many were refused.
     fn refused(
         anchor: &mut Anchor,
         from_s: u64,

@@ -41,9 +41,9 @@ use crate::{ClockModel, ClockState, Counters, Ppb, Published, Refusal, UtcNanos}
 /// three orders of magnitude more than the call takes if nothing interrupts it.
 pub const LEAD: u64 = CORE_HZ as u64 / 1_000;
 
-/// The fastest slew, beside the frequency: 400 ppm. With a frequency that is up to 100 ppm wrong, as one is that was
-/// learnt from a wandering floor in the first minutes, the clock is still within 500 ppm of true
-/// time, the limit of NTP's clock discipline.
+/// The fastest slew, beside the frequency: 400 ppm. With a frequency that is up to 100 ppm wrong,
+/// as one is that was learnt from a wandering floor in the first minutes, the clock is still within
+/// 500 ppm of true time, the limit of NTP's clock discipline.
 pub const MAX_SLEW: Ppb = Ppb::from_ppm(400);
 
 /// Without a mark for so long the clock is in holdover: 2 s.

@@ -1,7 +1,7 @@
 //! What became of the marks and pulses, counted by kind.
 //!
-//! *Purpose.* [`Refusal`] names why a mark did not move the clock ([`PulseRefusal`] why a pulse did not); [`Counters`]
-//! says how often, for the status line and the log.
+//! *Purpose.* [`Refusal`] names why a mark did not move the clock ([`PulseRefusal`] why a pulse did
+//! not); [`Counters`] says how often, for the status line and the log.
 //!
 //! *Design.* One field a kind, `u32`, wrapping: a reader compares two readings.
 //!

@@ -3,11 +3,11 @@
 //! *Purpose.* Between the two estimators and the clock: which of them is to be believed,
 //! and whether a mark may be heard at all.
 //!
-//! *Design.* The [envelope](crate::envelope) of the messages and the [pulse](crate::pulse) are followed
-//! side by side, both on the board's own counter. Whichever has the smaller doubt steers. Under a pulse the
-//! messages are not idle: they confirm it, and the latency between the two is learnt. When
-//! the pulse is lost the clock runs on with what it taught, until its doubt has grown beyond the messages'; so nothing
-//! jumps, neither then nor when it comes back.
+//! *Design.* The [envelope](crate::envelope) of the messages and the [pulse](crate::pulse) are
+//! followed side by side, both on the board's own counter. Whichever has the smaller doubt steers.
+//! Under a pulse the messages are not idle: they confirm it, and the latency between the two is
+//! learnt. When the pulse is lost the clock runs on with what it taught, until its doubt has grown
+//! beyond the messages'; so nothing jumps, neither then nor when it comes back.
 //!
 //! A mark that is farther from the clock than [`OUTLIER_NS`] is a stall, a backlog or a jump:
 //! it is refused, until [`AGREEING`] of them in a row say the same to within
@@ -44,24 +44,26 @@ pub const AGREEMENT_NS: i64 = 100_000_000;
 /// 1 800 ppm exist.
 pub const CRYSTAL_PPB: f32 = 2_000_000.0;
 
-/// How far a latency that was learnt under the pulse may be off afterwards: 10 ms, as the floors of real
-/// receivers wander.
+/// How far a latency that was learnt under the pulse may be off afterwards: 10 ms, as the floors of
+/// real receivers wander.
 pub const LEARNT_DOUBT_NS: u32 = 10_000_000;
 
-/// Latencies that a receiver can have: none is negative, but the messages' floor may not have been found
-/// yet; and none measured was longer than 185 ms.
+/// Latencies that a receiver can have: none is negative, but the messages' floor may not have been
+/// found yet; and none measured was longer than 185 ms.
 const LATENCIES_NS: (i64, i64) = (-20_000_000, 300_000_000);
 
 /// A latency that is known so well tells a pulse off the second, in ns.
 const KNOWN_NS: u32 = 60_000_000;
 
-/// Floors wander by 10 ms; a pulse that moves farther against the messages than this is not the receiver's.
+/// Floors wander by 10 ms; a pulse that moves farther against the messages than this is not the
+/// receiver's.
 const CONTRADICTION_NS: i64 = 25_000_000;
 
 /// So many marks in a row have to contradict a pulse.
 const CONTRADICTIONS: u8 = 10;
 
-/// A frequency that is learnt in minutes lags behind a crystal that drifts by 1 ppm a minute, in ppb: two minutes' worth.
+/// A frequency that is learnt in minutes lags behind a crystal that drifts by 1 ppm a minute, in
+/// ppb: two minutes' worth.
 const LAG_PPB: f32 = 2_000.0;
 
 /// How far the frequency may have moved while a receiver drifted, in ppb.
@@ -294,8 +296,8 @@ impl Discipline {
         Ok(pulse_doubt_ns <= doubt_ns + self.latency_doubt_ns as f32)
     }
 
-    /// Hears an edge of the pulse, which comes `late_ns` after the second that it stands for, by the
-    /// receiver's own word.
+    /// Hears an edge of the pulse, which comes `late_ns` after the second that it stands for, by
+    /// the receiver's own word.
     ///
     /// # Errors
     /// Why it is to be ignored.
@@ -425,8 +427,8 @@ impl Discipline {
     }
 }
 
-/// What makes up for a crystal that is `fast_ppb` fast. On the board's own counter that is exact: a rate of
-/// 1 − f, where f was measured by that counter's seconds.
+/// What makes up for a crystal that is `fast_ppb` fast. On the board's own counter that is exact: a
+/// rate of 1 − f, where f was measured by that counter's seconds.
 fn slower(fast_ppb: f32) -> Ppb {
     Ppb(-libm::rintf(fast_ppb) as i32)
 }

@@ -19,8 +19,8 @@
 //! * While the floor itself [wanders](wander), the frequency is that of many minutes, and the level
 //!   the lowest of as many.
 //!
-//! The work of a closed bin is spread over the marks that follow ([`survey`]): none costs more than one
-//! look at the bins.
+//! The work of a closed bin is spread over the marks that follow ([`survey`]): none costs more than
+//! one look at the bins.
 //!
 //! *Limits.* A floor that moves by itself for longer than it remembers moves the clock. Marks
 //! farther from the line than [`TOO_LATE_NS`] are turned away, since lateness is kept in 32 bits.
@@ -54,21 +54,24 @@ const NEAR_NS: i32 = 20_000_000;
 /// believed: the floor has moved. A second of a 5 Hz receiver.
 const EARLY_AGREEING: u8 = 5;
 
-/// Without a mark so near to a line that is known, for so long, the floor has moved, in s: even of marks that
-/// are spread over 90 ms a fifth come so near, and jitter of an M8 that is correlated over 20 s does, too.
+/// Without a mark so near to a line that is known, for so long, the floor has moved, in s: even of
+/// marks that are spread over 90 ms a fifth come so near, and jitter of an M8 that is correlated
+/// over 20 s does, too.
 const MOVED_AFTER_S: f32 = 90.0;
 
 /// Marks that stay away for so long teach nothing any more, in s.
 const AWAY_S: f32 = 20.0;
 
-/// A floor that has moved stands: over half of that time its lowest marks rise by no more, in ns. 44 ppm.
+/// A floor that has moved stands: over half of that time its lowest marks rise by no more, in ns.
+/// 44 ppm.
 const STANDS_NS: i32 = 2_000_000;
 
 /// After so much silence a line is forgotten, except for its frequency:
 /// the longest window, in s.
 const FORGET_AFTER_S: f32 = 120.0;
 
-/// The line as it ran on through silence counts for so long, in s: then the marks that came since are enough.
+/// The line as it ran on through silence counts for so long, in s: then the marks that came since
+/// are enough.
 const RETURN_S: f32 = 50.0;
 /// So far at most may a frequency have changed during silence, in ppb, whatever the time.
 const RETURN_PPB: f32 = 2_000.0;
@@ -97,14 +100,15 @@ const LEVEL_AT_ONCE: usize = 15;
 
 /// The same while the floor wanders, in ppb².
 const WANDER_VARIANCE: f32 = 5_000.0 * 5_000.0;
-/// The lowest of half a window is twice as far above the floor as that of a whole one; and there are two.
+/// The lowest of half a window is twice as far above the floor as that of a whole one; and there
+/// are two.
 const TWO_HALVES: f32 = 2.0 * core::f32::consts::SQRT_2;
 
-/// A slope that moves the floor by more over the window is no wander, and so no crystal's either once that is
-/// known, in ns.
+/// A slope that moves the floor by more over the window is no wander, and so no crystal's either
+/// once that is known, in ns.
 const BEYOND_WANDER_NS: f32 = 20e6;
-/// Within the first [`YOUNG_S`], one that moves it by more says that the crystal is farther off than anybody
-/// thought: more than an M8's whole jitter, in ns.
+/// Within the first [`YOUNG_S`], one that moves it by more says that the crystal is farther off
+/// than anybody thought: more than an M8's whole jitter, in ns.
 const BEYOND_JITTER_NS: f32 = 30e6;
 const YOUNG_S: f32 = 120.0;
 /// Before that, a slope is mostly chance, in s.
@@ -264,8 +268,8 @@ impl Envelope {
         Heard::Floor(self.floor(point))
     }
 
-    /// Whether marks have stayed away from the line for long enough to say that the floor has moved. A floor that
-    /// is still moving has not.
+    /// Whether marks have stayed away from the line for long enough to say that the floor has
+    /// moved. A floor that is still moving has not.
     fn has_moved(&mut self, at_us: u64, excess_ns: i32) -> bool {
         let begun = Away {
             since_us: at_us,
@@ -338,9 +342,9 @@ impl Envelope {
         self.early = (0, 0);
     }
 
-    /// The window is empty: begins anew at the line as it ran on, so that the first marks back, which
-    /// may be any late, do not draw the clock after them. It is a point of the past, and leaves the window before
-    /// theirs do.
+    /// The window is empty: begins anew at the line as it ran on, so that the first marks back,
+    /// which may be any late, do not draw the clock after them. It is a point of the past, and
+    /// leaves the window before theirs do.
     fn return_after_silence(&mut self, last_us: u64, at_us: u64) {
         let silence_s = at_us.saturating_sub(last_us) as f32 * 1e-6;
         let ramp_ppb = (DRIFT_PPB_PER_S * silence_s).min(RETURN_PPB);
@@ -507,8 +511,8 @@ impl Envelope {
         self.window_s = (self.window_s * (1.0 + step)).clamp(WINDOW_S.0, WINDOW_S.1);
     }
 
-    /// How many points the level is the lowest of: those of the window, and of everything while the floor
-    /// wanders.
+    /// How many points the level is the lowest of: those of the window, and of everything while the
+    /// floor wanders.
     fn points_for_level(&self) -> usize {
         let long = if self.wanders() {
             self.wander.points().len()

@@ -1,17 +1,19 @@
 //! UTC: the calendar, the gate, and the clock of base time plus elapsed cycles.
 //!
-//! *Purpose.* Marks of a receiver go in, a clock that every priority can read
-//! comes out.
+//! *Purpose.* Marks and pulses of a receiver go in, a clock that every priority can
+//! read comes out.
 //!
-//! *Design.* [`calendar`] turns the receiver's fields into [`UtcNanos`].
-//! [`gate`] decides whether a mark may be believed, [`discipline`] what it says
-//! about the clock's error, [`clock`] how the clock follows: it owns the time
-//! line, a chain of [`model`]s, each an affine map from cycles to UTC.
-//! [`published`] shares that line with readers of any priority, without a lock.
-//! [`counters`] has the kinds of refusal and how often each occurred.
+//! *Design.* [`calendar`] turns the receiver's fields into [`UtcNanos`], [`gate`]
+//! decides whether a mark may be believed. [`envelope`] follows what marks have in
+//! common, [`pulse`] the time pulse; [`discipline`] decides which of them says how far
+//! the clock is off, [`clock`] how it follows: it owns the time line, a chain of
+//! [`model`]s, each an affine map from cycles to UTC, with a doubt that grows as in
+//! [`holdover`]. [`published`] shares that line with readers of any priority, without
+//! a lock. [`counters`] has the kinds of refusal and how often each occurred.
 //!
 //! ```text
-//! TimeMark ─▶ gate ─▶ discipline ─▶ clock ─▶ ClockModel ─▶ Published ─▶ readers
+//! TimeMark ─▶ gate ─▶ envelope ─┐
+//! PulseMark ────────▶ pulse ────┴▶ discipline ─▶ clock ─▶ Published ─▶ readers
 //! ```
 //!
 //! *Limits.* No I/O and no time of its own: time is an argument. The firmware

@@ -136,8 +136,8 @@ pub struct Edge {
     pub at_ns: u64,
     /// UTC by the messages, in ns.
     pub told_ns: i64,
-    /// By how much UTC may be later than the messages say, in ns, at least and at most: the latencies
-    /// that are plausible, beyond the one that is corrected.
+    /// By how much UTC may be later than the messages say, in ns, at least and at most: the
+    /// latencies that are plausible, beyond the one that is corrected.
     pub plausible_ns: (i64, i64),
 }
 
@@ -326,7 +326,8 @@ mod tests {
     const START_NS: i64 = 1_800_000_000 * SECOND_NS;
     const UNKNOWN: (i64, i64) = (-20 * MS, 300 * MS);
 
-    /// An edge so many ns after boot, on a crystal that is 10 ppm fast; the messages are 70 ms behind.
+    /// An edge so many ns after boot, on a crystal that is 10 ppm fast; the messages are 70 ms
+    /// behind.
     fn edge(true_ns: i64) -> Edge {
         Edge {
             at_ns: (true_ns + true_ns / 100_000) as u64,

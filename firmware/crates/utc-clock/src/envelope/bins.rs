@@ -56,7 +56,8 @@ impl<const N: usize> Bins<N> {
         seconds(at_us, self.ends_us.wrapping_sub(self.width_us))
     }
 
-    /// Closes the bin that is being filled and begins the next; the lowest point of the one that is closed.
+    /// Closes the bin that is being filled and begins the next; the lowest point of the one that is
+    /// closed.
     pub(super) fn close(&mut self, at_us: u32) -> Option<Point> {
         self.ends_us = at_us.wrapping_add(self.width_us);
         let lowest = self.filling.take()?;
@@ -73,8 +74,8 @@ impl<const N: usize> Bins<N> {
         self.length = (self.length + 1).min(N);
     }
 
-    /// Puts a point that is `excess_ns` above `line` into the bin that is being filled. Of the two lowest so far
-    /// the higher one comes back.
+    /// Puts a point that is `excess_ns` above `line` into the bin that is being filled. Of the two
+    /// lowest so far the higher one comes back.
     pub(super) fn fill(&mut self, point: Point, excess_ns: i32, line: &Line) -> Option<i32> {
         let lowest_ns = self.filling.map(|lowest| line.excess_ns(lowest));
         match lowest_ns {

@@ -3,15 +3,15 @@
 //! *Purpose.* How far above the floor the lowest of a window is likely to be: the estimate's
 //! doubt, and how long the window has to be.
 //!
-//! *Design.* Marks at a density of λ a second and a ns leave a gap of 1/λW, on average, between the floor and the
-//! lowest of a window of W seconds; and just such gaps between the lowest few of them. So the *scale* is the mean
-//! of those gaps: order statistics, which know nothing of our own line and so cannot lock
-//! it below the edge.
+//! *Design.* Marks at a density of λ a second and a ns leave a gap of 1/λW, on average, between the
+//! floor and the lowest of a window of W seconds; and just such gaps between the lowest few of
+//! them. So the *scale* is the mean of those gaps: order statistics, which know nothing of our own
+//! line and so cannot lock it below the edge.
 //!
-//! An edge whose density begins at 0 is soft: its lowest mark comes nearer to the floor
-//! only as a root of the number of marks, and lies several gaps above it. Gaps inside of bins of 2 s beside
-//! gaps in a whole window tell: by the *sharpness*, the exponent between the two. Jitter that
-//! is correlated has dense bins and a blunt window, and counts as soft, too.
+//! An edge whose density begins at 0 is soft: its lowest mark comes nearer to the floor only as a
+//! root of the number of marks, and lies several gaps above it. Gaps inside of bins of 2 s beside
+//! gaps in a whole window tell: by the *sharpness*, the exponent between the two. Jitter that is
+//! correlated has dense bins and a blunt window, and counts as soft, too.
 //!
 //! *Limits.* Both are averages over minutes.
 
@@ -35,7 +35,8 @@ const GAP_S: f32 = 1.4;
 const SHARPNESS_OVER: f32 = 30.0;
 /// What counts as sharp: half a bell's lowest marks are not quite even. Tuned.
 const SHARP: f32 = 0.96;
-/// How many scales the floor is away with 95 %: ln 20 and a little for a sharp edge, and more for soft ones. Tuned.
+/// How many scales the floor is away with 95 %: ln 20 and a little for a sharp edge, and more for
+/// soft ones. Tuned.
 const SCALES: f32 = 3.85;
 const SCALES_SOFT: f32 = 38.0;
 

@@ -28,9 +28,9 @@ const FULL_S: f32 = 480.0;
 /// The slow frequency averages so many opinions of a full ring: 50 minutes of them.
 const SLOW_WEIGHTS: f32 = 400.0;
 
-/// The floor wanders when its points scatter so many times as much, in variance, as the edge explains:
-/// exponential noise, each point's part capped at [`CAP`] standard deviations, has 0.85, and
-/// on 64 points exceeds this once in some 10⁵ judgements. Tuned.
+/// The floor wanders when its points scatter so many times as much, in variance, as the edge
+/// explains: exponential noise, each point's part capped at [`CAP`] standard deviations, has 0.85,
+/// and on 64 points exceeds this once in some 10⁵ judgements. Tuned.
 const SURE: f32 = 2.4;
 /// Less is enough to go on believing it.
 const STILL_SURE: f32 = 1.1;

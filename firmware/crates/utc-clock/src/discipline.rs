@@ -15,7 +15,7 @@
 //! largest, tells by how much.
 //!
 //! A receiver whose time drifts away is told from a crystal by what crystals can do: an
-//! [`Anchor`] follows the floor and its frequency slowly, and what leaves its reach is refused.
+//! `Anchor` follows the floor and its frequency slowly, and what leaves its reach is refused.
 //!
 //! *Limits.* Without a pulse a receiver that drifts within a crystal's means is followed.
 

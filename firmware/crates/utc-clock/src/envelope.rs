@@ -5,21 +5,21 @@
 //! crystal's frequency: the floor's line is what time it is.
 //!
 //! *Design.* All of it happens on the board's own counter, which nothing steers, so
-//! that no correction ever disturbs what was learnt. A mark is a [`line::Point`].
+//! that no correction ever disturbs what was learnt. A mark is a `line::Point`.
 //!
-//! * [Bins](bins) of 2 s keep the lowest point of theirs, as it was measured. The floor's level
+//! * Bins (`bins`) of 2 s keep the lowest point of theirs, as it was measured. The floor's level
 //!   is the lowest of a window of them, each compared along the *current* frequency:
 //!   a better frequency makes the past better, too.
-//! * The window is as long as the receiver's [`edge`] is blunt. Its noise is 1/λW, and a
+//! * The window is as long as the receiver's `edge` is blunt. Its noise is 1/λW, and a
 //!   crystal that drifts by d bends the line by ~dW²/8: both are of a size where W³λ is a
 //!   constant.
 //! * The frequency moves by the slope between the lowest points of the older and of the
 //!   newer half, each time as far as its own doubt and the slope's say (a scalar
 //!   Kalman filter).
-//! * While the floor itself [wanders](wander), the frequency is that of many minutes, and the level
+//! * While the floor itself wanders (`wander`), the frequency is that of many minutes, and the level
 //!   the lowest of as many.
 //!
-//! The work of a closed bin is spread over the marks that follow ([`survey`]): none costs more than
+//! The work of a closed bin is spread over the marks that follow (`survey`): none costs more than
 //! one look at the bins.
 //!
 //! *Limits.* A floor that moves by itself for longer than it remembers moves the clock. Marks

@@ -5,7 +5,7 @@
 //! *Design.* What is known at a moment is known to so many ns, the frequency to so many
 //! ppb; from then on the crystal may drift by 1 ppm a minute, as its temperature does. So the
 //! doubt grows by `frequency · t + ½ · drift · t²`. Drift does not lead a crystal out of its
-//! specification: the linear part of it stops at [`SPECIFICATION_PPB`].
+//! specification: the linear part of it stops at `SPECIFICATION_PPB`.
 //!
 //! *Limits.* A crystal that is heated faster is not covered.
 

@@ -6,7 +6,7 @@
 //!
 //! *Design.* As in the [`envelope`](crate::envelope), on the board's own counter: a
 //! pulse is that counter's time less the second it marks, its *lateness*, and a
-//! crystal makes a line of those. Two [Kalman filters](crate::kalman) follow the line side by
+//! crystal makes a line of those. Two Kalman filters (`crate::kalman`) follow the line side by
 //! side: one believes in drift, as a changing temperature makes it, one does
 //! not and is quieter. The quiet one is asked unless the mean of its innovations says that
 //! it lags.

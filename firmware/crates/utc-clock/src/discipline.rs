@@ -166,12 +166,6 @@ impl Discipline {
         }
     }
 
-    /// Whether the pulse is followed.
-    #[must_use]
-    pub const fn follows_pulse(&self) -> bool {
-        self.pulse.is_followed()
-    }
-
     /// The receiver's latency as it is corrected, in ns.
     #[must_use]
     pub const fn latency_ns(&self) -> i64 {

@@ -76,6 +76,9 @@ const LEARNING: i64 = 64;
 /// messages and those of the pulse.
 const ABSORB_MS: (u32, u32) = (1_000, 250);
 
+// Both estimators, with all that they remember: no more than a small board can spare.
+const _: () = assert!(size_of::<Discipline>() <= 4_096);
+
 /// One mark or pulse beside the clock that it corrects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Observation {

@@ -98,7 +98,7 @@ const FIRST_SLOPE_WORTH_S: f32 = 8.0;
 /// So many points are looked at for one mark when the level is sought.
 const LEVEL_AT_ONCE: usize = 15;
 
-/// The same while the floor wanders, in ppb².
+/// The frequency's variance while the floor wanders, in ppb².
 const WANDER_VARIANCE: f32 = 5_000.0 * 5_000.0;
 /// The lowest of half a window is twice as far above the floor as that of a whole one; and there
 /// are two.

@@ -195,6 +195,31 @@ fn a_stamp_from_the_future_or_from_long_ago_is_refused() {
 }
 
 #[test]
+fn a_backlog_flushed_at_once_takes_no_reading_back() {
+    // Six marks that arrived in time and are heard late, within 1 ms: a line that keeps three
+    // models takes two of them at most, and the referee of the board sees to the readings.
+    let line = Published::new();
+    let mut board = settled(&line);
+    let before = board.clock.counters();
+    let first_ns = board.now_ns / (200 * MS) * (200 * MS) + 200 * MS;
+    board.pass_until(first_ns + 6 * 200 * MS);
+    let stamps = [0, 100, 900].map(|age_us| board.cycles(board.now_ns - age_us * 1_000));
+    for number in 0..6 {
+        let due_ns = first_ns + number * 200 * MS;
+        let mut heard = mark(UtcNanos(START.0 + due_ns));
+        heard.arrival = board.cycles(due_ns + 40 * MS);
+        let told = stamps.map(|when| line.reading_at(when));
+        board.handle(&heard);
+        assert_eq!(told, stamps.map(|when| line.reading_at(when)));
+    }
+    board.read_every_ns = 10_000;
+    board.pass_until(board.now_ns + 5 * MS);
+    let after = board.clock.counters();
+    assert_eq!(after.accepted - before.accepted, 2);
+    assert_eq!(after.backlog - before.backlog, 4);
+}
+
+#[test]
 fn leap_seconds_that_nobody_confirmed_show_until_they_are() {
     let line = Published::new();
     let mut board = Board::new(Settings::DEFAULT, 0.0, &line);

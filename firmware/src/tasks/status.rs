@@ -67,10 +67,10 @@ impl Format for Clock {
     fn format(&self, f: Formatter) {
         nonzero!(f, self.0, "": steps_forward, steps_back, holdovers);
         nonzero!(f, self.0, "mark_": date, time, unresolved, unconfirmed, inaccurate, calendar,
-            too_old, leap_second, stamp, duplicate_epoch, epoch_back, outlier, late, early, drift,
-            crystal);
+            too_old, leap_second, stamp, backlog, duplicate_epoch, epoch_back, outlier, late, early,
+            drift, crystal);
         nonzero!(f, self.0, "": pulses, pulse_locks, pulse_unnumbered, pulse_off_second,
-            pulse_off_line, pulse_doubled, pulse_stamp);
+            pulse_off_line, pulse_doubled, pulse_stamp, pulse_backlog);
     }
 }
 

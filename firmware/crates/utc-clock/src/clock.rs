@@ -175,6 +175,8 @@ pub struct UtcClock<'a, W = AtomicU32> {
     gate: Gate,
     discipline: Discipline,
     model: ClockModel,
+    /// Where the model before the newest one began, or begins.
+    before_at: Cycles,
     frequency: Ppb,
     slew: Ppb,
     /// When the error that is being absorbed will be gone.
@@ -203,6 +205,7 @@ impl<'a, W: Word> UtcClock<'a, W> {
             },
             discipline: Discipline::new(&settings),
             model: ClockModel::BOOT,
+            before_at: Cycles::BOOT,
             line,
             frequency: Ppb(0),
             slew: Ppb(0),
@@ -286,7 +289,7 @@ impl<'a, W: Word> UtcClock<'a, W> {
         if self.model.quality.state == ClockState::Set {
             due = due.min(self.holdover_begins());
         }
-        due
+        due.max(self.before_at)
     }
 
     /// The newest piece of the time line.
@@ -327,6 +330,9 @@ impl<'a, W: Word> UtcClock<'a, W> {
         let epoch = self.gate.judge(mark)?;
         if !is_recent(mark.arrival, now) {
             return Err(Refusal::Stamp);
+        }
+        if self.is_crowded(now) {
+            return Err(Refusal::Backlog);
         }
         let before = core::mem::replace(&mut self.last_epoch, epoch);
         match epoch.cmp(&before) {
@@ -390,6 +396,9 @@ impl<'a, W: Word> UtcClock<'a, W> {
         }
         if !is_recent(pulse.edge, now) {
             return PulseOutcome::Refused(PulseRefusal::Stamp);
+        }
+        if self.is_crowded(now) {
+            return PulseOutcome::Refused(PulseRefusal::Backlog);
         }
         let late_ns = self.forecast_for(pulse);
         let mut line = self.line_from(pulse.edge);
@@ -501,6 +510,12 @@ impl<'a, W: Word> UtcClock<'a, W> {
         self.latency_doubt_ns = course.latency_doubt_ns;
     }
 
+    /// Whether the line has no room for a change of course: it keeps three models, and with two
+    /// that are still to begin the third is the one in force.
+    fn is_crowded(&self, now: Cycles) -> bool {
+        self.before_at > now
+    }
+
     /// From [`LEAD`] after `now` on, follows `line` with the rate of the hour.
     fn steer(&mut self, line: &ClockModel, now: Cycles) {
         // Never before the model that may have been read already.
@@ -513,6 +528,7 @@ impl<'a, W: Word> UtcClock<'a, W> {
         if model.quality.state != ClockState::Unset {
             self.appraise(&mut model);
         }
+        self.before_at = self.model.at;
         self.model = model;
         self.line.publish(&self.model);
     }

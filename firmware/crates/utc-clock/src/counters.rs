@@ -31,6 +31,9 @@ pub enum Refusal {
     LeapSecond,
     /// The arrival is in the future or too long ago to be believed.
     Stamp,
+    /// Two changes of course are still to begin: of marks that come within a millisecond,
+    /// the third was held up somewhere.
+    Backlog,
     /// The epoch of the mark before, once more.
     DuplicateEpoch,
     /// An epoch earlier than that of the mark before.
@@ -78,6 +81,8 @@ pub struct Counters {
     pub leap_second: u32,
     /// [`Refusal::Stamp`].
     pub stamp: u32,
+    /// [`Refusal::Backlog`].
+    pub backlog: u32,
     /// [`Refusal::DuplicateEpoch`].
     pub duplicate_epoch: u32,
     /// [`Refusal::EpochBack`].
@@ -106,6 +111,8 @@ pub struct Counters {
     pub pulse_doubled: u32,
     /// [`PulseRefusal::Stamp`].
     pub pulse_stamp: u32,
+    /// [`PulseRefusal::Backlog`].
+    pub pulse_backlog: u32,
 }
 
 impl Counters {
@@ -122,6 +129,7 @@ impl Counters {
             self.too_old,
             self.leap_second,
             self.stamp,
+            self.backlog,
             self.duplicate_epoch,
             self.epoch_back,
             self.outlier,
@@ -145,6 +153,7 @@ impl Counters {
             Refusal::TooOld => &mut self.too_old,
             Refusal::LeapSecond => &mut self.leap_second,
             Refusal::Stamp => &mut self.stamp,
+            Refusal::Backlog => &mut self.backlog,
             Refusal::DuplicateEpoch => &mut self.duplicate_epoch,
             Refusal::EpochBack => &mut self.epoch_back,
             Refusal::Outlier => &mut self.outlier,
@@ -163,6 +172,7 @@ impl Counters {
             PulseRefusal::OffLine => &mut self.pulse_off_line,
             PulseRefusal::Doubled => &mut self.pulse_doubled,
             PulseRefusal::Stamp => &mut self.pulse_stamp,
+            PulseRefusal::Backlog => &mut self.pulse_backlog,
         });
     }
 }

@@ -35,6 +35,8 @@
 //! * One writer: a line belongs to one [`UtcClock`](crate::UtcClock).
 //! * Fewer than 2³² publications while one reader is interrupted.
 //! * A model is out before it begins: [`LEAD`](crate::clock::LEAD).
+//! * No more than two are still to begin: the clock refuses what would make a third
+//!   ([`Refusal::Backlog`](crate::Refusal::Backlog)).
 //!
 //! *Limits.* Three models are kept. A stamp from before the oldest of them is
 //! read with that one prolonged: wrong by at most the slews in between,

@@ -22,6 +22,7 @@
 //! plausible latencies differ, before any latency was learnt, is taken for good: nothing on the
 //! board could tell.
 
+use crate::discipline::CRYSTAL_PPB;
 use crate::holdover::DRIFT_PPB_PER_S;
 use crate::kalman::{Kalman, Noise};
 
@@ -81,6 +82,8 @@ pub enum PulseRefusal {
     Doubled,
     /// The edge is in the future or too long ago to be believed.
     Stamp,
+    /// Two changes of course are still to begin.
+    Backlog,
 }
 
 /// What a pulse says.
@@ -277,13 +280,20 @@ impl Line {
         ramping.update(innovation_ns);
         let quiet_ns = moved_ns - quiet.phase_ns;
         let surprise = quiet_ns / libm::sqrtf(quiet.innovation_variance());
+        quiet.update(quiet_ns);
+        // What wanders off like no crystal does is not on any line, however well it fits.
+        if [&quiet, &ramping]
+            .iter()
+            .any(|filter| filter.frequency_ppb.abs() > CRYSTAL_PPB)
+        {
+            return PulseHeard::Refused(PulseRefusal::OffLine);
+        }
         self.bias += (surprise.clamp(-5.0, 5.0) - self.bias) / BIAS_OVER;
         if self.bias.abs() > BIASED {
             self.lags_for = LAGS_FOR;
         } else if self.bias.abs() < UNBIASED {
             self.lags_for = self.lags_for.saturating_sub(1);
         }
-        quiet.update(quiet_ns);
         quiet.rebase(moved_ns);
         ramping.rebase(moved_ns);
         *self = Self {
@@ -385,6 +395,21 @@ mod tests {
         }
         let next = hear(&mut pulse, at + SECOND_NS);
         assert!(matches!(next, PulseHeard::Followed(_)));
+    }
+
+    #[test]
+    fn a_pulse_that_wanders_as_no_crystal_does_is_never_followed() {
+        for (ppm, is_followed) in [(1_900, true), (-1_900, true), (2_100, false), (-2_100, false)] {
+            let mut pulse = Pulse::new();
+            for s in 1..60 {
+                let edge = Edge {
+                    at_ns: (s * (SECOND_NS + ppm * 1_000)) as u64,
+                    ..edge(s * SECOND_NS)
+                };
+                pulse.update(&edge, 0.0, 2_000_000.0);
+            }
+            assert_eq!(pulse.is_followed(), is_followed, "{ppm} ppm");
+        }
     }
 
     #[test]

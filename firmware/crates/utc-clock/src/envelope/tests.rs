@@ -1,0 +1,142 @@
+//! The envelope among receivers that are late, early, silent and wander.
+
+use super::*;
+
+const MS: i64 = 1_000_000;
+const PERIOD_US: i64 = 200_000;
+
+/// A receiver at 5 Hz on a board whose crystal is so fast, and what it was told last.
+struct Marks {
+    envelope: Envelope,
+    fast_ppb: i64,
+    number: i64,
+    chance: u64,
+}
+
+impl Marks {
+    fn new(fast_ppb: i64) -> Self {
+        Self {
+            envelope: Envelope::new(0.0, 25_000.0),
+            fast_ppb,
+            number: 0,
+            chance: 1,
+        }
+    }
+
+    /// Even between 0 and 30 ms.
+    fn jitter(&mut self) -> i64 {
+        self.chance = self
+            .chance
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        ((self.chance >> 33) as i64 * 30 * MS) >> 31
+    }
+
+    /// The next mark, so late by true time.
+    fn hear(&mut self, late_ns: i64) -> Heard {
+        let epoch_us = self.number * PERIOD_US;
+        self.number += 1;
+        let arrival_us = epoch_us + late_ns / 1_000;
+        let crystal_ns = arrival_us * self.fast_ppb / 1_000_000;
+        let at_us = arrival_us + crystal_ns / 1_000;
+        self.envelope
+            .update(at_us as u64, (late_ns + crystal_ns) as u32)
+    }
+
+    /// Marks for so many seconds; the last floor.
+    fn hear_for(&mut self, s: i64, floor_ns: impl Fn(f64) -> f64) -> Floor {
+        let mut last = None;
+        for _ in 0..s * 5 {
+            let at_s = self.number as f64 / 5.0;
+            let late_ns = 50 * MS + floor_ns(at_s) as i64 + self.jitter();
+            if let Heard::Floor(floor) = self.hear(late_ns) {
+                last = Some(floor);
+            }
+        }
+        last.unwrap()
+    }
+}
+
+#[test]
+fn floor_and_frequency_are_found() {
+    for fast_ppb in [-50_000, 0, 44_000] {
+        let mut marks = Marks::new(fast_ppb);
+        let floor = marks.hear_for(180, |_| 0.0);
+        assert!(
+            (floor.fast_ppb - fast_ppb as f32).abs() < 5_000.0,
+            "{floor:?}"
+        );
+        // The next mark is so late as we know, so that its excess is the line's error.
+        let Heard::Floor(floor) = marks.hear(60 * MS) else {
+            panic!("a good mark");
+        };
+        let off_ns = i64::from(floor.excess_ns) - 10 * MS;
+        assert!(off_ns.abs() < MS / 2, "{off_ns}");
+        assert!(floor.doubt_ns < MS as f32);
+    }
+}
+
+#[test]
+fn a_crystal_that_is_far_off_is_found_too() {
+    let mut marks = Marks::new(-1_800_000);
+    let floor = marks.hear_for(120, |_| 0.0);
+    assert!((floor.fast_ppb + 1_800_000.0).abs() < 20_000.0, "{floor:?}");
+}
+
+#[test]
+fn what_is_too_late_is_left_alone() {
+    let mut marks = Marks::new(20_000);
+    marks.hear_for(200, |_| 0.0);
+    for _ in 0..20 {
+        assert_eq!(marks.hear(160 * MS), Heard::Late);
+    }
+    let Heard::Floor(floor) = marks.hear(51 * MS) else {
+        panic!("a good mark");
+    };
+    assert!((i64::from(floor.excess_ns) - MS).abs() < MS / 2);
+}
+
+#[test]
+fn what_is_too_early_has_to_be_confirmed() {
+    let mut marks = Marks::new(20_000);
+    marks.hear_for(200, |_| 0.0);
+    for _ in 0..9 {
+        for _ in 0..2 {
+            assert_eq!(marks.hear(20 * MS), Heard::Early);
+        }
+        for _ in 0..2 {
+            assert!(matches!(marks.hear(60 * MS), Heard::Floor(_)));
+        }
+    }
+    for _ in 0..4 {
+        assert_eq!(marks.hear(20 * MS), Heard::Early);
+    }
+    let Heard::Moved(floor) = marks.hear(20 * MS) else {
+        panic!("confirmed");
+    };
+    assert_eq!(floor.excess_ns, 0);
+    assert!((floor.fast_ppb - 20_000.0).abs() < 3_000.0);
+}
+
+#[test]
+fn a_floor_that_wanders_is_noticed_and_is_no_frequency() {
+    let mut marks = Marks::new(30_000);
+    let wandering = |s: f64| 4e6 * (s * core::f64::consts::TAU / 120.0).sin();
+    let floor = marks.hear_for(900, wandering);
+    assert!(floor.doubt_ns > 2e6, "{floor:?}");
+    assert!((floor.fast_ppb - 30_000.0).abs() < 2_000.0, "{floor:?}");
+    let floor = marks.hear_for(900, |_| 0.0);
+    assert!(floor.doubt_ns < 1e6, "{floor:?}");
+}
+
+#[test]
+fn the_first_mark_after_silence_draws_nothing_after_it() {
+    let mut marks = Marks::new(30_000);
+    marks.hear_for(300, |_| 0.0);
+    marks.number += 5 * 600;
+    let Heard::Floor(floor) = marks.hear(80 * MS) else {
+        panic!("a good mark");
+    };
+    // 10 min at 1 ppm a minute are 3 ms, and the frequency's own doubt.
+    assert!(floor.excess_ns > 20 * MS as i32, "{floor:?}");
+}

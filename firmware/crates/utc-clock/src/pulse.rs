@@ -399,7 +399,12 @@ mod tests {
 
     #[test]
     fn a_pulse_that_wanders_as_no_crystal_does_is_never_followed() {
-        for (ppm, is_followed) in [(1_900, true), (-1_900, true), (2_100, false), (-2_100, false)] {
+        for (ppm, is_followed) in [
+            (1_900, true),
+            (-1_900, true),
+            (2_100, false),
+            (-2_100, false),
+        ] {
             let mut pulse = Pulse::new();
             for s in 1..60 {
                 let edge = Edge {

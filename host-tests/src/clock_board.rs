@@ -18,10 +18,11 @@
     reason = "a panic is how the referee whistles"
 )]
 
-use timebase::{CORE_HZ, CivilTime, Cycles, PulseForecast, PulseMark, TimeMark, Validity};
+use comparison::board::good_mark;
+use timebase::{CORE_HZ, CivilTime, Cycles, PulseForecast, PulseMark, TimeMark};
 use utc_clock::clock::LEAD;
 use utc_clock::{
-    ClockState, Outcome, Published, PulseOutcome, Reading, Settings, UtcClock, UtcNanos, calendar,
+    ClockState, Outcome, Published, PulseOutcome, Reading, Settings, UtcClock, UtcNanos,
 };
 use world::{Crystal, CrystalSettings, WorldNanos};
 
@@ -327,18 +328,7 @@ fn moment(world_ns: i64) -> WorldNanos {
 
 /// A good mark of `epoch`; its arrival is to be filled in.
 pub fn mark(epoch: UtcNanos) -> TimeMark {
-    TimeMark {
-        arrival: Cycles::BOOT,
-        epoch: calendar::from_utc(epoch).expect("an epoch of this century"),
-        t_acc_ns: 25,
-        validity: Validity {
-            date: true,
-            time: true,
-            fully_resolved: true,
-            confirmed: true,
-            leap_seconds_known: true,
-        },
-    }
+    good_mark(Cycles::BOOT, epoch.0).expect("an epoch of this century")
 }
 
 /// The leap second's own notation.

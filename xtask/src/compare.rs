@@ -28,7 +28,7 @@ const KEPT: &str = "docs/results/compare.txt";
 /// What a comparison can be asked for.
 #[derive(Args)]
 pub struct Options {
-    /// How many seeds, from 1000 on; the estimator is tuned with others
+    /// How many seeds; no constant was tuned with them
     #[arg(long, value_name = "N", default_value_t = FIGURES.end - FIGURES.start, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     seeds: u64,
     /// Tune: seeds from 0 on instead

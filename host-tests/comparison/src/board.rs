@@ -166,7 +166,8 @@ impl<'a> Board<'a> {
 }
 
 /// A mark with nothing to be said against it; none where the calendar ends.
-fn good_mark(arrival: Cycles, epoch_utc_ns: i64) -> Option<TimeMark> {
+#[must_use]
+pub fn good_mark(arrival: Cycles, epoch_utc_ns: i64) -> Option<TimeMark> {
     Some(TimeMark {
         arrival,
         epoch: calendar::from_utc(UtcNanos(epoch_utc_ns))?,

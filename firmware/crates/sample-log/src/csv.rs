@@ -1,0 +1,202 @@
+//! The file that a log makes: comma-separated values, a header and a line for each sample.
+//!
+//! *Design.* Every line has the same length, so that any stretch of the file can be made from the
+//! samples in it alone. Numbers have leading zeros for that, which every program that reads such
+//! files takes off again; what a shorter state leaves free goes to the sequence number.
+//!
+//! *Limits.* A time before 1970 is told as 0. Lines end as RFC 4180 has it.
+
+use crate::{Sample, State};
+
+/// Bytes of a line, the header included.
+pub const LINE: usize = 67;
+
+/// The first line.
+pub const HEADER: &[u8; LINE] =
+    b"sequence,ping_time_us,board_time_ns,clock_state,uncertainty_in_ns\r\n";
+
+/// Digits of the PING's time: enough until 2286.
+const PING_DIGITS: usize = 16;
+/// Digits of the board's time: enough for `i64`.
+const BOARD_DIGITS: usize = 19;
+/// Digits of the uncertainty: enough for `u32`.
+const UNCERTAINTY_DIGITS: usize = 10;
+
+/// The length of the file of a log with so many samples, in bytes; `u32::MAX` beyond 4 GB.
+#[must_use]
+pub const fn file_len(samples: u32) -> u32 {
+    samples.saturating_add(1).saturating_mul(LINE as u32)
+}
+
+/// The line of a sample.
+#[must_use]
+pub fn line(sample: &Sample) -> [u8; LINE] {
+    let state: &[u8] = match sample.state {
+        State::Unset => b"unset",
+        State::Set => b"set",
+        State::Holdover => b"holdover",
+    };
+    let mut line = [b','; LINE];
+    // From its end to its beginning.
+    let free = write(&mut line, b"\r\n");
+    let free = digits(free, UNCERTAINTY_DIGITS, sample.uncertainty_ns.into());
+    let free = write(free, b",");
+    let free = write(free, state);
+    let free = write(free, b",");
+    let free = digits(free, BOARD_DIGITS, sample.board_ns.max(0).cast_unsigned());
+    let free = write(free, b",");
+    let free = digits(free, PING_DIGITS, sample.ping_us);
+    let free = write(free, b",");
+    let rest = free.len();
+    digits(free, rest, sample.sequence.into());
+    line
+}
+
+/// Makes the stretch of the file that begins at `offset`, as much of it as `out` has room for, of
+/// a log with `samples`; `get` has them by their place. The number of bytes that were made: fewer
+/// than asked for at the end of the file, or where `get` has none.
+pub fn read(
+    offset: u32,
+    out: &mut [u8],
+    samples: u32,
+    mut get: impl FnMut(u32) -> Option<Sample>,
+) -> usize {
+    const LINE_U32: u32 = LINE as u32;
+    let mut number = offset / LINE_U32;
+    let mut skipped = (offset % LINE_U32) as usize;
+    let mut made = 0;
+    while let Some(free) = out.get_mut(made..)
+        && !free.is_empty()
+        && number <= samples
+    {
+        let whole = match number.checked_sub(1) {
+            None => *HEADER,
+            Some(index) => match get(index) {
+                Some(sample) => line(&sample),
+                None => break,
+            },
+        };
+        let wanted = whole.get(skipped..).unwrap_or_default();
+        let count = wanted.len().min(free.len());
+        for (place, byte) in free.iter_mut().zip(wanted) {
+            *place = *byte;
+        }
+        made += count;
+        skipped = 0;
+        number += 1;
+    }
+    made
+}
+
+/// Writes `text` at the end of `line`; what is before it.
+fn write<'a>(line: &'a mut [u8], text: &[u8]) -> &'a mut [u8] {
+    let (free, place) = line.split_at_mut(line.len().saturating_sub(text.len()));
+    for (place, byte) in place.iter_mut().zip(text) {
+        *place = *byte;
+    }
+    free
+}
+
+/// Writes the last `count` digits of a number at the end of `line`; what is before them.
+fn digits(line: &mut [u8], count: usize, mut number: u64) -> &mut [u8] {
+    /// So many digits fit a word, in which a division is one instruction.
+    const AT_ONCE: usize = 9;
+    let (free, place) = line.split_at_mut(line.len().saturating_sub(count));
+    for some in place.rchunks_mut(AT_ONCE) {
+        let mut part = (number % 1_000_000_000) as u32;
+        number /= 1_000_000_000;
+        for digit in some.iter_mut().rev() {
+            *digit = b'0' + (part % 10) as u8;
+            part /= 10;
+        }
+    }
+    free
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::str;
+    use std::vec::Vec;
+
+    use super::*;
+
+    fn sample(index: u32) -> Sample {
+        Sample {
+            board_ns: 1_795_309_322_961_327_001 + i64::from(index),
+            ping_us: 1_795_309_322_000_000 + u64::from(index),
+            sequence: index,
+            state: [State::Unset, State::Set, State::Holdover][index as usize % 3],
+            uncertainty_ns: [u32::MAX, 64, 0][index as usize % 3],
+        }
+    }
+
+    fn file(samples: u32) -> Vec<u8> {
+        let mut whole = HEADER.to_vec();
+        whole.extend((0..samples).flat_map(|index| line(&sample(index))));
+        whole
+    }
+
+    #[test]
+    fn a_line_says_what_the_header_promises() {
+        let lines = [0, 1, 0xff_fffe].map(|index| line(&sample(index)));
+        let texts = lines.each_ref().map(|line| str::from_utf8(line).unwrap());
+        assert_eq!(
+            texts,
+            [
+                "00000000000,1795309322000000,1795309322961327001,unset,4294967295\r\n",
+                "0000000000001,1795309322000001,1795309322961327002,set,0000000064\r\n",
+                "16777214,1795309338777214,1795309322978104215,holdover,0000000000\r\n",
+            ]
+        );
+        let columns = str::from_utf8(HEADER).unwrap().split(',').count();
+        assert!(texts.iter().all(|text| text.split(',').count() == columns));
+    }
+
+    #[test]
+    fn no_number_leaves_its_column() {
+        let extreme = Sample {
+            board_ns: i64::MIN,
+            ping_us: u64::MAX,
+            sequence: u32::MAX,
+            state: State::Holdover,
+            uncertainty_ns: u32::MAX,
+        };
+        let text = line(&extreme);
+        let mut columns = str::from_utf8(&text).unwrap().split(',');
+        assert_eq!(columns.next().map(str::len), Some(8));
+        assert_eq!(columns.next(), Some("6744073709551615"));
+        assert_eq!(columns.next(), Some("0000000000000000000"));
+    }
+
+    #[test]
+    fn any_stretch_is_that_of_the_whole() {
+        let whole = file(7);
+        assert_eq!(file_len(7) as usize, whole.len());
+        for offset in 0..=whole.len() {
+            for room in [0, 1, 66, 67, 68, 90, 512, 1_000] {
+                let mut out = [0; 1_000];
+                let made = read(offset as u32, &mut out[..room], 7, |index| {
+                    Some(sample(index))
+                });
+                let end = whole.len().min(offset + room);
+                assert_eq!(
+                    out[..made],
+                    whole[offset..end],
+                    "{room} bytes from {offset}"
+                );
+            }
+        }
+        let mut out = [0; 10];
+        assert_eq!(read(u32::MAX, &mut out, 7, |_| None), 0);
+        assert_eq!(read(file_len(7) + 1, &mut out, 7, |_| None), 0);
+    }
+
+    #[test]
+    fn a_sample_that_is_not_there_ends_the_file() {
+        let mut out = [0; 512];
+        let made = read(0, &mut out, 7, |index| (index < 2).then(|| sample(index)));
+        assert_eq!(out[..made], file(2));
+    }
+}

@@ -1,0 +1,177 @@
+//! The samples of a test, in memory that is given.
+
+use crate::{Record, Sample};
+
+/// What became of a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kept {
+    /// It is in the log.
+    Kept,
+    /// It is in the log, and there is no room for another one.
+    Last,
+    /// There was no room for it.
+    Full,
+    /// The log is frozen.
+    Frozen,
+}
+
+/// The log: two pieces of memory, one after the other.
+#[derive(Debug)]
+pub struct SampleLog<'a> {
+    older: &'a mut [Record],
+    newer: &'a mut [Record],
+    len: u32,
+    first_ping_us: u64,
+    missed: u32,
+    is_frozen: bool,
+}
+
+impl<'a> SampleLog<'a> {
+    /// An empty log that fills `older` and then `newer`. More than 2³² − 1 records in all are of
+    /// no use.
+    #[must_use]
+    pub const fn new(older: &'a mut [Record], newer: &'a mut [Record]) -> Self {
+        Self {
+            older,
+            newer,
+            len: 0,
+            first_ping_us: 0,
+            missed: 0,
+            is_frozen: false,
+        }
+    }
+
+    /// Empties the log, and records from now on.
+    pub const fn clear(&mut self) {
+        self.len = 0;
+        self.missed = 0;
+        self.is_frozen = false;
+    }
+
+    /// Records nothing more until [`Self::clear`].
+    pub const fn freeze(&mut self) {
+        self.is_frozen = true;
+    }
+
+    /// Keeps a sample, if it may and can.
+    pub fn record(&mut self, sample: &Sample) -> Kept {
+        if self.is_frozen {
+            return Kept::Frozen;
+        }
+        if self.len == 0 {
+            self.first_ping_us = sample.ping_us;
+        }
+        let record = Record::pack(sample, self.first_ping_us);
+        let Some(place) = self.place(self.len) else {
+            self.missed = self.missed.wrapping_add(1);
+            return Kept::Full;
+        };
+        *place = record;
+        self.len += 1;
+        if self.len < self.capacity() {
+            Kept::Kept
+        } else {
+            Kept::Last
+        }
+    }
+
+    /// A sample by its place in the log, from 0 on.
+    #[must_use]
+    pub fn get(&self, index: u32) -> Option<Sample> {
+        if index >= self.len {
+            return None;
+        }
+        let index = index as usize;
+        let record = match self.older.get(index) {
+            Some(record) => record,
+            None => self.newer.get(index.checked_sub(self.older.len())?)?,
+        };
+        Some(record.unpack(self.first_ping_us))
+    }
+
+    /// Samples in it.
+    #[must_use]
+    #[expect(clippy::len_without_is_empty, reason = "nobody asks")]
+    pub const fn len(&self) -> u32 {
+        self.len
+    }
+
+    /// Samples that it has room for.
+    #[must_use]
+    pub const fn capacity(&self) -> u32 {
+        (self.older.len() + self.newer.len()) as u32
+    }
+
+    /// Samples that found it full since it was cleared; wraps.
+    #[must_use]
+    pub const fn missed(&self) -> u32 {
+        self.missed
+    }
+
+    /// Whether it is frozen.
+    #[must_use]
+    pub const fn is_frozen(&self) -> bool {
+        self.is_frozen
+    }
+
+    fn place(&mut self, index: u32) -> Option<&mut Record> {
+        let index = index as usize;
+        match index.checked_sub(self.older.len()) {
+            None => self.older.get_mut(index),
+            Some(index) => self.newer.get_mut(index),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::State;
+
+    fn sample(number: u32) -> Sample {
+        Sample {
+            board_ns: 1_000_000_000 + i64::from(number),
+            ping_us: 77_000_000 + u64::from(number),
+            sequence: number,
+            state: State::Set,
+            uncertainty_ns: 64,
+        }
+    }
+
+    #[test]
+    fn it_fills_both_pieces_in_order_and_says_when_it_is_full() {
+        let (mut older, mut newer) = ([Record::EMPTY; 3], [Record::EMPTY; 2]);
+        let mut log = SampleLog::new(&mut older, &mut newer);
+        assert_eq!((log.capacity(), log.get(0)), (5, None));
+        let kept: [Kept; 7] = core::array::from_fn(|i| log.record(&sample(i as u32)));
+        let full = [Kept::Last, Kept::Full, Kept::Full];
+        assert_eq!(kept[..4], [Kept::Kept; 4]);
+        assert_eq!(kept[4..], full);
+        assert_eq!((log.len(), log.missed()), (5, 2));
+        for index in 0..5 {
+            assert_eq!(log.get(index), Some(sample(index)));
+        }
+        assert_eq!(log.get(5), None);
+    }
+
+    #[test]
+    fn what_is_frozen_stays_until_it_is_cleared() {
+        let mut memory = [Record::EMPTY; 4];
+        let mut log = SampleLog::new(&mut memory, &mut []);
+        log.record(&sample(1));
+        log.freeze();
+        assert_eq!(log.record(&sample(2)), Kept::Frozen);
+        assert_eq!((log.len(), log.get(0)), (1, Some(sample(1))));
+        log.clear();
+        assert_eq!((log.len(), log.get(0), log.is_frozen()), (0, None, false));
+        assert_eq!(log.record(&sample(9)), Kept::Kept);
+        assert_eq!(log.get(0), Some(sample(9)));
+    }
+
+    #[test]
+    fn a_log_without_memory_is_full() {
+        let mut log = SampleLog::new(&mut [], &mut []);
+        assert_eq!(log.record(&sample(1)), Kept::Full);
+        assert_eq!((log.len(), log.missed()), (0, 1));
+    }
+}

@@ -22,11 +22,15 @@ mod fault;
 #[cfg(target_os = "none")]
 mod priorities;
 #[cfg(target_os = "none")]
+mod samples;
+#[cfg(target_os = "none")]
 mod settings;
 #[cfg(target_os = "none")]
 mod shared;
 #[cfg(target_os = "none")]
 mod start;
+#[cfg(target_os = "none")]
+mod storage;
 #[cfg(target_os = "none")]
 mod tasks;
 

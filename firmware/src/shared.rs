@@ -6,7 +6,7 @@
 //!
 //! | queue | filled by | drained by | when full |
 //! |---|---|---|---|
-//! | [`NEWS`] | the GNSS task, at sets, steps and changes of the source | the MAVLink task, each second | the newest is dropped: the log has it |
+//! | [`NEWS`] | the GNSS task, at sets, steps and changes of the source; the MAVLink task and thread level, what becomes of a log | the MAVLink task, each second | the newest is dropped: the log has it |
 
 use core::cell::Cell;
 
@@ -20,6 +20,7 @@ use utc_clock::{ClockState, Ppb, Published, Source};
 
 use crate::drivers::pulse::EdgeCounters;
 use crate::drivers::uart::LineErrors;
+use crate::storage::NotSaved;
 
 /// The clock.
 pub static CLOCK: Published = Published::new();
@@ -47,6 +48,17 @@ pub enum News {
     PulseFollowed,
     /// The pulse does not any more.
     PulseLost,
+    /// The log of a test has no more room.
+    LogFull,
+    /// The log of a test is on the card.
+    Saved {
+        /// The number in the file's name.
+        file: u16,
+        /// Samples in it.
+        samples: u32,
+    },
+    /// It is not; it still is in memory.
+    NotSaved(NotSaved),
 }
 
 /// The node's time at `when`, for MAVLink.

@@ -10,7 +10,9 @@ use stm32f4xx_hal::pac::interrupt;
 
 use crate::board::{self, Board};
 use crate::drivers::{pulse, time};
+use crate::samples::SAMPLES;
 use crate::settings;
+use crate::storage;
 use crate::tasks::{gnss, led, mavlink, status};
 
 /// Runs what must be prompt, at [`priorities::PROMPT`](crate::priorities::PROMPT).
@@ -24,8 +26,10 @@ fn main() -> ! {
         gnss: (gnss_reader, gnss_writer),
         mavlink: (mavlink_reader, mavlink_writer),
         pulse,
+        samples,
         led,
     } = board::init();
+    SAMPLES.open(samples);
     defmt::info!(
         "pixclock {=str} on {=str}, tick {=u32} us, system {=u8}",
         env!("CARGO_PKG_VERSION"),
@@ -51,7 +55,7 @@ fn main() -> ! {
     if let Ok(bench) = crate::bench::run() {
         patient.spawn(bench);
     }
-    board::sleep()
+    storage::run()
 }
 
 /// The executor of the GNSS and MAVLink tasks; see [`board::PROMPT`].

@@ -6,6 +6,7 @@
 //! them is in an image.
 
 use cortex_m::peripheral::{NVIC, SCB};
+use sample_log::SampleLog;
 use stm32f4xx_hal::gpio::{ErasedPin, OpenDrain, Output, PinState};
 use stm32f4xx_hal::pac::{self, Interrupt, TIM5};
 use stm32f4xx_hal::prelude::*;
@@ -18,6 +19,7 @@ use crate::drivers::uart::{Reader, Writer};
 use crate::priorities;
 
 mod lines;
+mod spare;
 #[cfg_attr(feature = "pixhawk1", path = "pixhawk1.rs")]
 #[cfg_attr(feature = "qemu", path = "qemu.rs")]
 mod this;
@@ -42,6 +44,8 @@ pub struct Board {
     pub mavlink: (Reader, Writer),
     /// The receiver's time pulse, on AUX5.
     pub pulse: Pulse,
+    /// The log of a test, empty.
+    pub samples: SampleLog<'static>,
     /// The amber LED, lit when low.
     pub led: ErasedPin<Output<OpenDrain>>,
 }
@@ -105,23 +109,41 @@ pub fn init() -> Board {
         .pe12
         .into_open_drain_output_in_state(PinState::High)
         .erase();
+    // SAFETY: nobody comes here a second time, since the peripherals are taken once.
+    let samples = unsafe { spare::samples() };
     Board {
         gnss,
         mavlink,
         pulse,
+        samples,
         led,
     }
 }
 
-/// Leaves everything to the interrupts, for ever: the core goes back to sleep as the
-/// last of them returns, without a step at thread level.
-pub fn sleep() -> ! {
-    /// SCR.SLEEPONEXIT (ARM DUI 0553A, section 4.3.6).
-    const SLEEP_ON_EXIT: u32 = 1 << 1;
-    // SAFETY: nothing at thread level is waited for any more.
-    unsafe { (*SCB::PTR).scr.modify(|scr| scr | SLEEP_ON_EXIT) };
-    loop {
-        // QEMU wakes in spite of it.
-        cortex_m::asm::wfi();
+/// SCR.SLEEPONEXIT (ARM DUI 0553A, section 4.3.6): the core goes back to sleep as the last interrupt
+/// returns, without a step at thread level.
+const SLEEP_ON_EXIT: u32 = 1 << 1;
+
+/// Thread level leaves everything to the interrupts until one of them calls [`wake_thread`] because
+/// `is_wanted` has become true.
+pub fn sleep_until(is_wanted: impl Fn() -> bool) {
+    while !is_wanted() {
+        // What wants us between the question and the bit would be slept over, so that both are one
+        // step. An interrupt that comes meanwhile ends the wait and runs as soon as it may.
+        critical_section::with(|_| {
+            if !is_wanted() {
+                // SAFETY: nothing is lost by sleeping on.
+                unsafe { (*SCB::PTR).scr.modify(|scr| scr | SLEEP_ON_EXIT) };
+                cortex_m::asm::wfi();
+            }
+        });
     }
+}
+
+/// Thread level goes on when the interrupts are through. From any interrupt.
+pub fn wake_thread() {
+    critical_section::with(|_| {
+        // SAFETY: thread level sleeps in `sleep_until` and asks again.
+        unsafe { (*SCB::PTR).scr.modify(|scr| scr & !SLEEP_ON_EXIT) };
+    });
 }

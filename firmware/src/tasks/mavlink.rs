@@ -11,6 +11,7 @@ use crate::drivers::time;
 use crate::drivers::uart::{INCOMING, Reader, Writer};
 use crate::settings;
 use crate::shared::{self, GNSS, MAVLINK, MavlinkReport, NEWS, News};
+use crate::storage::NotSaved;
 
 /// A solution is told for so long, in cycles: 2 s. Then the receiver is silent.
 const FIX_LASTS: i64 = 2 * CORE_HZ as i64;
@@ -74,8 +75,10 @@ fn once_a_second(node: &mut Node, writer: &mut Writer) {
     writer.send(&node.gps_raw_int(fix_time, &fix));
     while let Ok(news) = NEWS.try_receive() {
         let severity = match news {
-            News::Set | News::PulseFollowed => Severity::Notice,
-            News::Stepped { .. } | News::PulseLost => Severity::Warning,
+            News::Set | News::PulseFollowed | News::Saved { .. } => Severity::Notice,
+            News::Stepped { .. } | News::PulseLost | News::LogFull | News::NotSaved(_) => {
+                Severity::Warning
+            }
         };
         writer.send(&node.statustext(severity, &in_words(news)));
     }
@@ -84,16 +87,24 @@ fn once_a_second(node: &mut Node, writer: &mut Writer) {
 /// What happened, in less than the 50 characters of a STATUSTEXT.
 fn in_words(news: News) -> String<50> {
     let mut text = String::new();
-    let (before, by_ns, behind) = match news {
+    let (before, number, behind) = match news {
         News::Set => ("clock set", None, ""),
         News::Stepped { by_ns } => ("clock stepped by ", Some(by_ns), " ns"),
         News::PulseFollowed => ("clock follows the pulse", None, ""),
         News::PulseLost => ("clock lost the pulse", None, ""),
+        News::LogFull => ("log full", None, ""),
+        News::Saved { file, samples } => {
+            push_number(&mut text, samples.into());
+            (" samples saved to the card, file ", Some(file.into()), "")
+        }
+        News::NotSaved(NotSaved::NoSlot) => {
+            ("log not saved: this board has no card slot", None, "")
+        }
     };
     // All of it fits.
     let _ = text.push_str(before);
-    if let Some(by_ns) = by_ns {
-        push_number(&mut text, by_ns);
+    if let Some(number) = number {
+        push_number(&mut text, number);
     }
     let _ = text.push_str(behind);
     text

@@ -186,7 +186,7 @@ impl Sdio {
     ///
     /// [`BusError::Silent`] when the interface did not send it.
     pub fn tell(&mut self, index: u8) -> Result<(), BusError> {
-        self.sdio.icr().write(|w| w.set(flags::CLEARED));
+        self.clear_flags();
         self.send(index, 0, Response::None);
         self.ended().map(drop)
     }
@@ -197,7 +197,7 @@ impl Sdio {
     ///
     /// [`BusError::Silent`] and [`BusError::Crc`].
     pub fn ask(&mut self, index: u8, argument: u32) -> Result<u32, BusError> {
-        self.sdio.icr().write(|w| w.set(flags::CLEARED));
+        self.clear_flags();
         self.send(index, argument, Response::Short);
         self.answer()
     }
@@ -220,7 +220,7 @@ impl Sdio {
     ///
     /// As [`Self::ask`].
     pub fn ask_long(&mut self, index: u8, argument: u32) -> Result<[u32; 4], BusError> {
-        self.sdio.icr().write(|w| w.set(flags::CLEARED));
+        self.clear_flags();
         self.send(index, argument, Response::Long);
         self.answer()?;
         Ok([0, 1, 2, 3].map(|n| self.sdio.resp(n).read().bits()))
@@ -269,7 +269,7 @@ impl Sdio {
         accepts: impl FnOnce(u32) -> Result<(), E>,
         block: &[u8; BLOCK],
     ) -> Result<(), E> {
-        self.sdio.icr().write(|w| w.set(flags::CLEARED));
+        self.clear_flags();
         self.send(index, argument, Response::Short);
         accepts(self.answer()?)?;
         // SAFETY: the DMA stands still, so that the buffer is ours.
@@ -289,6 +289,11 @@ impl Sdio {
             unsafe { w.waitresp().bits(response as u8) };
             w.cpsmen().enabled()
         });
+    }
+
+    fn clear_flags(&mut self) {
+        // SAFETY: flags that are cleared by writing 1.
+        self.sdio.icr().write(|w| unsafe { w.bits(flags::CLEARED) });
     }
 
     /// The flags that ended the command.
@@ -339,7 +344,7 @@ impl Sdio {
         // What was stored into the buffer is there before the DMA looks.
         cortex_m::asm::dmb();
         stream.cr().modify(|_, w| w.en().enabled());
-        self.sdio.icr().write(|w| w.set(flags::CLEARED));
+        self.clear_flags();
         self.sdio.dtimer().write(|w| w.datatime().set(DATA_TIMER));
         self.sdio.dlen().write(|w| w.datalength().set(BLOCK as u32));
     }

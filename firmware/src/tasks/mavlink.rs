@@ -105,7 +105,7 @@ fn in_words(news: News) -> String<50> {
                 NotSaved::WriteProtected => "the card is write-protected",
                 NotSaved::Full => "the card is full",
                 NotSaved::Pulled => "the card was pulled",
-                NotSaved::Io => "the card fails",
+                NotSaved::Failed => "the card fails",
                 NotSaved::Cleared => "a new test has begun",
             };
             ("log not saved: ", None, why)

@@ -12,28 +12,27 @@
 //! *Limits.* The first partition of a master boot record, as cards are sold and as every camera
 //! formats them; no FAT12, no exFAT. Directories and chains are not looked into.
 
-use embedded_sdmmc::Block;
-
-use crate::drivers::card::{Card, CardError};
+use crate::bytes::{byte, half, word};
+use crate::{BLOCK, Disk, DiskError};
 
 /// Why there is no volume, or no room.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NoVolume {
-    /// The card failed.
-    Card(CardError),
+pub(crate) enum NoVolume {
+    /// The disk failed.
+    Disk(DiskError),
     /// It has none, or a damaged one.
     NotFat,
 }
 
-impl From<CardError> for NoVolume {
-    fn from(error: CardError) -> Self {
-        Self::Card(error)
+impl From<DiskError> for NoVolume {
+    fn from(error: DiskError) -> Self {
+        Self::Disk(error)
     }
 }
 
-/// Where a FAT16 or FAT32 volume is, in blocks of the card.
+/// Where a FAT16 or FAT32 volume is, in blocks of the disk.
 #[derive(Clone, Copy, Debug)]
-pub struct Volume {
+pub(crate) struct Volume {
     first: u32,
     blocks: u32,
     table: u32,
@@ -49,33 +48,33 @@ impl Volume {
     ///
     /// # Errors
     ///
-    /// There is none, or the card failed.
-    pub fn on(card: &mut Card) -> Result<Self, NoVolume> {
+    /// There is none, or the disk failed.
+    pub(crate) fn on(disk: &mut dyn Disk) -> Result<Self, NoVolume> {
         const PARTITION: usize = 446;
-        let mut block = Block::new();
-        card.read(0, &mut block)?;
+        let mut block = [0; BLOCK];
+        disk.read(0, &mut block)?;
         let first = word(&block, PARTITION + 8);
-        if !is_signed(&block) || first == 0 || first >= card.blocks() {
+        if !is_signed(&block) || first == 0 || first >= disk.blocks() {
             return Err(NoVolume::NotFat);
         }
-        card.read(first, &mut block)?;
+        disk.read(first, &mut block)?;
         Self::parse(&block, first)
             .filter(|volume| {
                 let end = first.checked_add(volume.blocks);
-                end.is_some_and(|end| end <= card.blocks())
+                end.is_some_and(|end| end <= disk.blocks())
             })
             .ok_or(NoVolume::NotFat)
     }
 
     /// From the volume's first block (Microsoft FAT specification, section 3).
-    fn parse(block: &Block, first: u32) -> Option<Self> {
+    fn parse(block: &[u8; BLOCK], first: u32) -> Option<Self> {
         /// Clusters of the smallest FAT16, and of the smallest FAT32.
         const FAT16: u32 = 4_085;
         const FAT32: u32 = 65_525;
-        let blocks_per_cluster = u32::from(block[13]);
-        let tables = u32::from(block[16]);
+        let blocks_per_cluster = byte(block, 13);
+        let tables = byte(block, 16);
         if !is_signed(block)
-            || half(block, 11) != Block::LEN_U32
+            || half(block, 11) != BLOCK as u32
             || !blocks_per_cluster.is_power_of_two()
             || !(1..=2).contains(&tables)
         {
@@ -111,16 +110,16 @@ impl Volume {
     ///
     /// # Errors
     ///
-    /// The card failed.
-    pub fn has_room(&self, card: &mut Card, bytes: u32) -> Result<bool, CardError> {
-        let wanted = bytes.div_ceil(self.blocks_per_cluster * Block::LEN_U32) + 2;
+    /// The disk failed.
+    pub(crate) fn has_room(&self, disk: &mut dyn Disk, bytes: u32) -> Result<bool, DiskError> {
+        let wanted = bytes.div_ceil(self.blocks_per_cluster * BLOCK as u32) + 2;
         let per_block = entries_per_block(self.has_32_bits);
-        let mut block = Block::new();
+        let mut block = [0; BLOCK];
         let mut found = 0;
         for cluster in 2..self.clusters + 2 {
             let place = cluster % per_block;
             if place == 0 || cluster == 2 {
-                card.read(self.table + cluster / per_block, &mut block)?;
+                disk.read(self.table + cluster / per_block, &mut block)?;
             }
             let is_free = if self.has_32_bits {
                 // The upper four bits are reserved.
@@ -137,32 +136,26 @@ impl Volume {
     }
 
     /// Whether a block belongs to it.
-    pub const fn contains(&self, block: u32) -> bool {
+    pub(crate) const fn contains(&self, block: u32) -> bool {
         block >= self.first && block - self.first < self.blocks
     }
 
     /// Takes out of a block, as it was read, where the next free cluster may be: from the first one
     /// on the search cannot come to the volume's end before it has found one.
-    pub fn without_hint(&self, number: u32, block: &mut Block) {
+    pub(crate) fn without_hint(&self, number: u32, block: &mut [u8; BLOCK]) {
         if self.hints == Some(number) {
-            block[492..496].fill(0xFF);
+            if let Some(hint) = block.get_mut(492..496) {
+                hint.fill(0xFF);
+            }
         }
     }
 }
 
 const fn entries_per_block(has_32_bits: bool) -> u32 {
-    Block::LEN_U32 / if has_32_bits { 4 } else { 2 }
+    BLOCK as u32 / if has_32_bits { 4 } else { 2 }
 }
 
 /// Whether a boot record ends as one.
-fn is_signed(block: &Block) -> bool {
+fn is_signed(block: &[u8; BLOCK]) -> bool {
     half(block, 510) == 0xAA55
-}
-
-fn half(block: &Block, at: usize) -> u32 {
-    u32::from(block[at]) | u32::from(block[at + 1]) << 8
-}
-
-fn word(block: &Block, at: usize) -> u32 {
-    half(block, at) | half(block, at + 2) << 16
 }

@@ -1,4 +1,4 @@
-//! The card as `embedded-sdmmc` sees it.
+//! The disk as `embedded-sdmmc` sees it.
 //!
 //! *Design.* Between the file system and the card stands what the library does not promise: a chain
 //! that goes round for ever ends with the number of blocks; nothing is written outside the volume;
@@ -10,8 +10,8 @@ use core::fmt;
 
 use embedded_sdmmc::{Block, BlockCount, BlockDevice, BlockIdx};
 
-use super::volume::Volume;
-use crate::drivers::card::{Card, CardError};
+use crate::volume::Volume;
+use crate::{Disk, DiskError};
 
 /// So many blocks may be read and written for one file: 16 times what 8 192 samples take with the
 /// smallest clusters.
@@ -19,9 +19,9 @@ const BLOCKS_MAX: u32 = 131_072;
 
 /// Why the file system was stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Failure {
-    /// The card failed.
-    Card(CardError),
+pub(crate) enum Failure {
+    /// The disk failed.
+    Disk(DiskError),
     /// It went round in circles, or out of its volume.
     Damaged,
 }
@@ -35,19 +35,19 @@ impl fmt::Display for Failure {
 
 impl core::error::Error for Failure {}
 
-/// A card with a volume, for one file.
-pub struct Medium<'a> {
-    card: RefCell<&'a mut Card>,
+/// A disk with a volume, for one file.
+pub(crate) struct Medium<'a> {
+    disk: RefCell<&'a mut dyn Disk>,
     volume: Volume,
     blocks_left: Cell<u32>,
     failure: Cell<Option<Failure>>,
 }
 
 impl<'a> Medium<'a> {
-    /// `volume` on `card`.
-    pub const fn new(card: &'a mut Card, volume: Volume) -> Self {
+    /// `volume` on `disk`.
+    pub(crate) const fn new(disk: &'a mut dyn Disk, volume: Volume) -> Self {
         Self {
-            card: RefCell::new(card),
+            disk: RefCell::new(disk),
             volume,
             blocks_left: Cell::new(BLOCKS_MAX),
             failure: Cell::new(None),
@@ -55,7 +55,7 @@ impl<'a> Medium<'a> {
     }
 
     /// What stopped it, if something did.
-    pub fn failure(&self) -> Option<Failure> {
+    pub(crate) fn failure(&self) -> Option<Failure> {
         self.failure.get()
     }
 
@@ -63,15 +63,15 @@ impl<'a> Medium<'a> {
     fn act(
         &self,
         is_allowed: bool,
-        act: impl FnOnce(&mut Card) -> Result<(), CardError>,
+        act: impl FnOnce(&mut dyn Disk) -> Result<(), DiskError>,
     ) -> Result<(), Failure> {
         if let Some(failure) = self.failure.get() {
             return Err(failure);
         }
         let left = self.blocks_left.get();
         self.blocks_left.set(left.saturating_sub(1));
-        let result = match self.card.try_borrow_mut() {
-            Ok(mut card) if is_allowed && left > 0 => act(&mut card).map_err(Failure::Card),
+        let result = match self.disk.try_borrow_mut() {
+            Ok(mut disk) if is_allowed && left > 0 => act(*disk).map_err(Failure::Disk),
             _ => Err(Failure::Damaged),
         };
         self.failure.set(result.err());
@@ -84,7 +84,7 @@ impl BlockDevice for Medium<'_> {
 
     fn read(&self, blocks: &mut [Block], first: BlockIdx) -> Result<(), Failure> {
         for (number, block) in (first.0..).zip(blocks) {
-            self.act(true, |card| card.read(number, block))?;
+            self.act(true, |disk| disk.read(number, block))?;
             self.volume.without_hint(number, block);
         }
         Ok(())
@@ -92,14 +92,14 @@ impl BlockDevice for Medium<'_> {
 
     fn write(&self, blocks: &[Block], first: BlockIdx) -> Result<(), Failure> {
         for (number, block) in (first.0..).zip(blocks) {
-            self.act(self.volume.contains(number), |card| {
-                card.write(number, block)
+            self.act(self.volume.contains(number), |disk| {
+                disk.write(number, block)
             })?;
         }
         Ok(())
     }
 
     fn num_blocks(&self) -> Result<BlockCount, Failure> {
-        Ok(BlockCount(self.card.borrow().blocks()))
+        Ok(BlockCount(self.disk.borrow().blocks()))
     }
 }

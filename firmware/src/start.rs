@@ -27,6 +27,7 @@ fn main() -> ! {
         mavlink: (mavlink_reader, mavlink_writer),
         pulse,
         samples,
+        card,
         led,
     } = board::init();
     SAMPLES.open(samples);
@@ -63,7 +64,7 @@ fn main() -> ! {
     if let Ok(bench) = crate::bench::run() {
         patient.spawn(bench);
     }
-    storage::run()
+    storage::run(card)
 }
 
 /// The executor of the GNSS and MAVLink tasks; see [`board::PROMPT`].

@@ -83,6 +83,7 @@ pub fn run(mut slot: Option<Card>) -> ! {
 }
 
 /// Writes the log to whatever card is there; the number of the file, and its samples.
+#[inline(never)]
 fn save(card: &mut Card) -> Result<(u16, u32), NotSaved> {
     let samples = SAMPLES.len();
     let saved = match card.find() {
@@ -98,6 +99,7 @@ fn save(card: &mut Card) -> Result<(u16, u32), NotSaved> {
 }
 
 /// A stretch of the log's file; nothing, once a new test has begun.
+#[inline(never)]
 fn read_frozen(offset: u32, out: &mut [u8]) -> usize {
     let made = SAMPLES.read(offset, out);
     if SAMPLES.with(|log| log.is_frozen()) {

@@ -222,6 +222,7 @@ impl Card {
         }
     }
 
+    #[inline(never)]
     fn count(&mut self, error: CardError) {
         let counter = match error {
             CardError::Bus(BusError::Silent) => &mut self.errors.silent,
@@ -304,6 +305,7 @@ const fn accept(status: u32) -> Result<(), CardError> {
 }
 
 /// Waits until the card is done with a block.
+#[inline(never)]
 fn wait(bus: &mut Sdio, found: &Found) -> Result<(), CardError> {
     within(BUSY_US, || {
         match bus.ask(command::SEND_STATUS, found.address) {

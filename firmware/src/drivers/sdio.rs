@@ -115,18 +115,24 @@ pub struct Sdio {
     dma: DMA2,
 }
 
-/// Waits until `look` has something, for at most `limit_us`.
+/// Waits until `look` has something, for at most `limit_us`, 25 s.
 pub fn within<T>(limit_us: u32, mut look: impl FnMut() -> Option<T>) -> Option<T> {
-    let limit = i64::from(limit_us) * i64::from(CORE_HZ / 1_000_000);
-    let start = time::now();
+    let limit = limit_us * (CORE_HZ / 1_000_000);
+    let start = stamp();
     loop {
         // Before the look: one that comes late because others ran is still a look.
-        let is_last = time::now().since(start) > limit;
+        let is_last = stamp().wrapping_sub(start) > limit;
         let found = look();
         if found.is_some() || is_last {
             return found;
         }
     }
+}
+
+/// The low word of the time, outlined: waits are many and in no hurry.
+#[inline(never)]
+fn stamp() -> u32 {
+    time::stamp().0
 }
 
 impl Sdio {
@@ -152,6 +158,7 @@ impl Sdio {
     }
 
     /// Begins anew: a fresh interface, 400 kHz on one line, a card that has had its time.
+    #[inline(never)]
     pub fn start(&mut self) {
         self.stop_dma();
         // SAFETY: this one bit of RCC is changed at thread level only, and nobody changes another
@@ -196,6 +203,7 @@ impl Sdio {
     /// # Errors
     ///
     /// [`BusError::Silent`] and [`BusError::Crc`].
+    #[inline(never)]
     pub fn ask(&mut self, index: u8, argument: u32) -> Result<u32, BusError> {
         self.clear_flags();
         self.send(index, argument, Response::Short);
@@ -219,6 +227,7 @@ impl Sdio {
     /// # Errors
     ///
     /// As [`Self::ask`].
+    #[inline(never)]
     pub fn ask_long(&mut self, index: u8, argument: u32) -> Result<[u32; 4], BusError> {
         self.clear_flags();
         self.send(index, argument, Response::Long);
@@ -281,6 +290,7 @@ impl Sdio {
         Ok(result?)
     }
 
+    #[inline(never)]
     fn send(&mut self, index: u8, argument: u32, response: Response) {
         self.sdio.arg().write(|w| w.cmdarg().set(argument));
         self.sdio.cmd().write(|w| {
@@ -305,6 +315,7 @@ impl Sdio {
         .ok_or(BusError::Silent)
     }
 
+    #[inline(never)]
     fn answer(&self) -> Result<u32, BusError> {
         let found = self.ended()?;
         if found & flags::CTIMEOUT != 0 {
@@ -317,6 +328,7 @@ impl Sdio {
     }
 
     /// Sets the DMA up for a block. The interface says when it ends (RM0090, 31.3.2).
+    #[inline(never)]
     fn prepare(&mut self, to_card: bool) {
         self.stop_dma();
         let stream = self.stream();
@@ -350,6 +362,7 @@ impl Sdio {
     }
 
     /// Lets the data path go.
+    #[inline(never)]
     fn begin(&mut self, to_card: bool) {
         self.sdio.dctrl().write(|w| {
             // SAFETY: blocks of 2⁹ bytes.
@@ -360,6 +373,7 @@ impl Sdio {
     }
 
     /// Waits until the block has crossed and the DMA is done with it.
+    #[inline(never)]
     fn finish(&mut self) -> Result<(), BusError> {
         let found = within(BLOCK_US, || {
             let found = self.sdio.sta().read().bits();
@@ -386,6 +400,7 @@ impl Sdio {
     }
 
     /// The stream stands still, and its flags are cleared; so the buffer is ours.
+    #[inline(never)]
     fn stop_dma(&mut self) {
         self.stream().cr().modify(|_, w| w.en().disabled());
         // It ends its burst first (RM0090, 10.3.14).

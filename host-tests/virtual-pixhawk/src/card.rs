@@ -236,9 +236,7 @@ impl sd::Card for Slot {
                 }
                 Answer::Short(conditions)
             }
-            Answer::Long([a, b, c, d]) if index == command::SEND_CSD && card.is_write_protected => {
-                Answer::Long([a, b, c, d | TMP_WRITE_PROTECT])
-            }
+            Answer::Long(csd) if index == command::SEND_CSD => Answer::Long(card.described(csd)),
             other => other,
         }
     }

@@ -50,7 +50,11 @@ mod tests {
             ("TEST0001", "TXT"),
             ("", ""),
         ] {
-            assert_eq!(number(base.as_bytes(), extension.as_bytes()), None, "{base}");
+            assert_eq!(
+                number(base.as_bytes(), extension.as_bytes()),
+                None,
+                "{base}"
+            );
         }
     }
 }

@@ -5,36 +5,102 @@
 //! with the list of what is.
 
 use std::fmt::Write as _;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::{env, fs};
 
-/// Tick intervals in µs: those of Shim, Joo, Kim 2021, table 3. The first is the
-/// default.
-const TICKS_US: [&str; 4] = ["50", "200", "500", "1000"];
+/// A way to keep the clock, with the settings that it allows; the first of each list is
+/// its default.
+struct Way {
+    /// What `PIXCLOCK_WAY` says.
+    name: &'static str,
+    /// What `settings::Way` says.
+    variant: &'static str,
+    /// Tick intervals in µs: those of Shim, Joo, Kim 2021, table 3.
+    ticks_us: &'static [&'static str],
+    /// Rates of the receiver's line.
+    gps_bauds: &'static [&'static str],
+    /// The most that the latency may be corrected by, in µs.
+    latency_us: u32,
+}
+
+/// The paper's are PX4's rates: the one that it fixed, and a Here+'s own.
+const PAPERS_BAUDS: &[&str] = &["115200", "38400"];
+
+/// The first is the default.
+const WAYS: [Way; 4] = [
+    Way {
+        name: "pixclock",
+        variant: "Pixclock",
+        ticks_us: &["50", "200", "500", "1000"],
+        gps_bauds: &["115200"],
+        latency_us: 500_000,
+    },
+    Way {
+        name: "paper-default",
+        variant: "PaperDefault",
+        ticks_us: &["1000"],
+        gps_bauds: PAPERS_BAUDS,
+        latency_us: 0,
+    },
+    Way {
+        name: "paper-step1",
+        variant: "PaperStep1",
+        ticks_us: &["1000"],
+        gps_bauds: PAPERS_BAUDS,
+        latency_us: 0,
+    },
+    Way {
+        name: "paper-step2",
+        variant: "PaperStep2",
+        ticks_us: &["50", "200", "500"],
+        gps_bauds: PAPERS_BAUDS,
+        latency_us: 0,
+    },
+];
 /// How a PING is answered: with the board's time, or as the MAVLink guide's echo.
 const PINGS: [&str; 2] = ["rtos", "echo"];
 
 fn main() {
     let mut settings = String::new();
-    let tick_us = choice("PIXCLOCK_TICK_US", &TICKS_US);
+    let name = choice("PIXCLOCK_WAY", &WAYS.map(|way| way.name), "");
+    let way = WAYS.iter().find(|way| way.name == name).unwrap_or(&WAYS[0]);
+    let with_way = format!(" with PIXCLOCK_WAY={name}");
+    constant(
+        &mut settings,
+        "How the clock is kept (`PIXCLOCK_WAY`).",
+        &format!("WAY: Way = Way::{}", way.variant),
+    );
+    constant(
+        &mut settings,
+        "Its name.",
+        &format!("WAY_NAME: &str = \"{name}\""),
+    );
+    let tick_us = choice("PIXCLOCK_TICK_US", way.ticks_us, &with_way);
     constant(
         &mut settings,
         "From one tick to the next, in µs (`PIXCLOCK_TICK_US`).",
         &format!("TICK_US: u32 = {tick_us}"),
     );
-    let echo = choice("PIXCLOCK_PING", &PINGS) == "echo";
+    let gps_baud = choice("PIXCLOCK_GPS_BAUD", way.gps_bauds, &with_way);
+    constant(
+        &mut settings,
+        "The rate of the receiver's line, in Bd (`PIXCLOCK_GPS_BAUD`).",
+        &format!("GPS_BAUD: u32 = {gps_baud}"),
+    );
+    let echo = choice("PIXCLOCK_PING", &PINGS, "") == "echo";
     constant(
         &mut settings,
         "Whether a PING is echoed instead of answered with our time (`PIXCLOCK_PING`).",
         &format!("PING_ECHO: bool = {echo}"),
     );
-    let system_id: u8 = number("PIXCLOCK_SYSTEM_ID", 1, 1, 254);
+    let system_id: u8 = number("PIXCLOCK_SYSTEM_ID", 1, 1..=254, "");
     constant(
         &mut settings,
         "Our MAVLink system id (`PIXCLOCK_SYSTEM_ID`).",
         &format!("SYSTEM_ID: u8 = {system_id}"),
     );
-    let latency_us: u32 = number("PIXCLOCK_LATENCY_US", 0, 0, 500_000);
+    let latency_us: u32 = number("PIXCLOCK_LATENCY_US", 0, 0..=way.latency_us, &with_way);
     constant(
         &mut settings,
         "From a solution's epoch to its message's first byte, in ns (`PIXCLOCK_LATENCY_US`).",
@@ -68,20 +134,21 @@ fn link() {
     println!("cargo:rustc-link-arg-bins=--nmagic");
 }
 
-/// The value of a setting that is one of a list, the first being the default.
-fn choice(name: &str, allowed: &[&str]) -> String {
+/// The value of a setting that is one of a list, the first being the default. `with` says what
+/// the list depends on.
+fn choice(name: &str, allowed: &[&str], with: &str) -> String {
     println!("cargo:rerun-if-env-changed={name}");
     let value = env::var(name).unwrap_or_else(|_| allowed[0].to_owned());
     assert!(
         allowed.contains(&value.as_str()),
-        "{name} is `{value}`; allowed are {}",
+        "{name} is `{value}`; allowed{with}: {}",
         allowed.join(", ")
     );
     value
 }
 
-/// The value of a setting that is a number in a range.
-fn number<T>(name: &str, default: T, least: T, most: T) -> T
+/// The value of a setting that is a number in a range. `with` says what that depends on.
+fn number<T>(name: &str, default: T, allowed: RangeInclusive<T>, with: &str) -> T
 where
     T: std::str::FromStr + PartialOrd + std::fmt::Display + Copy,
 {
@@ -90,8 +157,12 @@ where
         return default;
     };
     match text.parse() {
-        Ok(value) if value >= least && value <= most => value,
-        _ => panic!("{name} is `{text}`; allowed are whole numbers from {least} to {most}"),
+        Ok(value) if allowed.contains(&value) => value,
+        _ => panic!(
+            "{name} is `{text}`; allowed{with}: whole numbers from {} to {}",
+            allowed.start(),
+            allowed.end()
+        ),
     }
 }
 

@@ -16,10 +16,12 @@ use embassy_sync::channel::Channel;
 use mavlink_node::NodeTime;
 use timebase::Cycles;
 use ubx_link::{Fix, LinkCounters, SessionCounters};
-use utc_clock::{ClockState, Ppb, Published, Source};
+use utc_clock::{ClockState, Ppb, Published, Reading, Source};
 
 use crate::drivers::pulse::EdgeCounters;
+use crate::drivers::time;
 use crate::drivers::uart::LineErrors;
+use crate::settings::WAY;
 use crate::storage::NotSaved;
 
 /// The clock.
@@ -61,9 +63,27 @@ pub enum News {
     NotSaved(NotSaved),
 }
 
+/// The clock at `when`.
+#[inline]
+pub fn reading_at(when: Cycles) -> Reading {
+    CLOCK.reading_at(seen(when))
+}
+
+/// When something was that happened at `when`. In the paper's ways a moment is the last tick
+/// before it is asked for: NuttX has no other.
+#[inline(always)]
+fn seen(when: Cycles) -> Cycles {
+    if WAY.is_papers() {
+        time::last_tick()
+    } else {
+        when
+    }
+}
+
 /// The node's time at `when`, for MAVLink.
 #[inline(never)]
 pub fn node_time(when: Cycles) -> NodeTime {
+    let when = seen(when);
     let reading = CLOCK.reading_at(when);
     NodeTime {
         boot_us: when.as_micros(),

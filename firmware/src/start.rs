@@ -13,7 +13,7 @@ use crate::drivers::{pulse, time};
 use crate::samples::SAMPLES;
 use crate::settings;
 use crate::storage;
-use crate::tasks::{gnss, led, mavlink, status};
+use crate::tasks::{gnss, led, mavlink, paper, status};
 
 /// Runs what must be prompt, at [`priorities::PROMPT`](crate::priorities::PROMPT).
 static PROMPT: InterruptExecutor = InterruptExecutor::new();
@@ -31,14 +31,14 @@ fn main() -> ! {
     } = board::init();
     SAMPLES.open(samples);
     defmt::info!(
-        "pixclock {=str} on {=str}, tick {=u32} us, system {=u8}",
+        "pixclock {=str} on {=str}, way {=str}, tick {=u32} us, system {=u8}",
         env!("CARGO_PKG_VERSION"),
         board::NAME,
+        settings::WAY_NAME,
         settings::TICK_US,
         settings::SYSTEM_ID
     );
-    let (Ok(gnss), Ok(mavlink), Ok(led), Ok(status)) = (
-        gnss::run(gnss_reader, gnss_writer, pulse),
+    let (Ok(mavlink), Ok(led), Ok(status)) = (
         mavlink::run(mavlink_reader, mavlink_writer),
         led::run(led),
         status::run(),
@@ -46,7 +46,15 @@ fn main() -> ! {
         defmt::panic!("a task was started twice");
     };
     let prompt = PROMPT.start(board::PROMPT);
-    prompt.spawn(gnss);
+    let was_started_twice = if settings::WAY.is_papers() {
+        paper::run(gnss_reader, gnss_writer).map(|paper| prompt.spawn(paper))
+    } else {
+        gnss::run(gnss_reader, gnss_writer, pulse).map(|gnss| prompt.spawn(gnss))
+    }
+    .is_err();
+    if was_started_twice {
+        defmt::panic!("a task was started twice");
+    }
     prompt.spawn(mavlink);
     let patient = PATIENT.start(board::PATIENT);
     patient.spawn(led);

@@ -31,10 +31,14 @@ struct Board {
 
 impl Board {
     fn new() -> Self {
+        Self::at(BAUD)
+    }
+
+    fn at(baud: u32) -> Self {
         Self {
-            session: Session::new(),
+            session: Session::at(baud),
             link: Link::new(),
-            baud: BAUD,
+            baud,
             now: WorldNanos(0),
             leaving: None,
             tuned: Vec::new(),
@@ -130,15 +134,29 @@ fn factory(baud: u32) -> ReceiverSettings {
 
 #[test]
 fn a_receiver_is_found_and_configured_at_any_rate() {
+    found_and_configured(BAUD);
+}
+
+#[test]
+fn a_receiver_is_found_and_configured_for_another_rate() {
+    found_and_configured(38_400);
+}
+
+/// A receiver at any rate is brought to `ours`.
+fn found_and_configured(ours: u32) {
+    let configured = Port {
+        baud: ours,
+        ..Port::CONFIGURED
+    };
     for baud in BAUDS {
         for seed in 0..20 {
             let mut receiver = Receiver::new(ReceiverSettings {
                 seed,
                 ..factory(baud)
             });
-            let mut board = Board::new();
+            let mut board = Board::at(ours);
             board.run(&mut receiver, WorldNanos(60 * SECOND));
-            assert_eq!(receiver.port(), Port::CONFIGURED, "from {baud}");
+            assert_eq!(receiver.port(), configured, "from {baud}");
             assert!(board.session.is_done());
             let counters = board.session.counters();
             assert_eq!((counters.rounds, counters.accepted), (1, 5), "from {baud}");
@@ -153,7 +171,7 @@ fn a_receiver_is_found_and_configured_at_any_rate() {
             // Once frames arrive, no rate is tried.
             let first_mark = board.marks[0];
             assert!(board.tuned.iter().all(|(at, _)| *at < first_mark));
-            assert_eq!(board.baud, BAUD);
+            assert_eq!(board.baud, ours);
         }
     }
 }
@@ -321,7 +339,7 @@ fn a_refusal_is_counted_and_the_session_goes_on() {
         }
     }
     let order = [
-        Setting::Port,
+        Setting::Port { baud: BAUD },
         Setting::Rate,
         Setting::Message,
         Setting::Navigation,
@@ -360,5 +378,8 @@ fn the_simulated_receiver_reads_the_same_frames() {
     };
     let frames = ubx::find_frames(bytes, |_, _, _| true);
     assert_eq!(frames.len(), 1);
-    assert_eq!((frames[0].class, frames[0].id), Setting::Port.message());
+    assert_eq!(
+        (frames[0].class, frames[0].id),
+        Setting::Port { baud: BAUD }.message()
+    );
 }

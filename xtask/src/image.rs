@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
+use console::Way;
 
 /// The board's target.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
@@ -30,13 +31,18 @@ impl fmt::Display for Board {
     }
 }
 
+/// The rate of the receiver's line unless another one is asked for, in Bd.
+const GPS_BAUD: u32 = 115_200;
+
 /// What an image is built with.
 #[derive(Clone, Copy, Debug)]
 pub struct Variant {
     /// For which board.
     pub board: Board,
-    /// From tick to tick, in µs; the firmware's build refuses what it has not.
-    pub tick_us: u32,
+    /// How it keeps the clock, and its tick.
+    pub way: Way,
+    /// The rate of the receiver's line, in Bd; the firmware's build refuses what it has not.
+    pub gps_baud: u32,
     /// Measures itself instead of keeping time.
     pub bench: bool,
 }
@@ -46,7 +52,8 @@ impl Variant {
     pub const fn standard(board: Board) -> Self {
         Self {
             board,
-            tick_us: 50,
+            way: Way::STANDARD,
+            gps_baud: GPS_BAUD,
             bench: false,
         }
     }
@@ -54,7 +61,14 @@ impl Variant {
 
 impl fmt::Display for Variant {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}-{}us", self.board, self.tick_us)?;
+        write!(f, "{}-", self.board)?;
+        if !matches!(self.way, Way::Pixclock { .. }) {
+            write!(f, "{}-", self.way.name())?;
+        }
+        write!(f, "{}us", self.way.tick_us())?;
+        if self.gps_baud != GPS_BAUD {
+            write!(f, "-{}bd", self.gps_baud)?;
+        }
         if self.bench {
             write!(f, "-bench")?;
         }
@@ -90,7 +104,7 @@ pub fn run(command: &mut Command) -> Result<()> {
     Ok(())
 }
 
-/// Builds `variant` and returns its ELF file.
+/// Builds `variant` and returns its ELF file, which the build of no other variant touches.
 ///
 /// # Errors
 ///
@@ -104,7 +118,9 @@ pub fn build(variant: Variant) -> Result<PathBuf> {
         .args(["build", "--quiet", "--release", "--package", "firmware"])
         .args(["--target", TARGET, "--no-default-features"])
         .args(["--features", &features])
-        .env("PIXCLOCK_TICK_US", variant.tick_us.to_string()))?;
+        .env("PIXCLOCK_WAY", variant.way.name())
+        .env("PIXCLOCK_TICK_US", variant.way.tick_us().to_string())
+        .env("PIXCLOCK_GPS_BAUD", variant.gps_baud.to_string()))?;
     let target = target_dir()?;
     let built = target.join(TARGET).join("release").join("firmware");
     let images = target.join("images");

@@ -21,7 +21,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use console::{LogDecoder, Screen, Verdict};
+use console::{LogDecoder, Screen, Verdict, Way};
 use world::{Receiver, ReceiverSettings, Recording, Talker, WorldNanos};
 
 use crate::image::{self, Board, Variant};
@@ -78,7 +78,7 @@ pub fn run(options: &QemuOptions) -> Result<ExitCode> {
     let options = &options.run;
     let image = match &options.image {
         Some(image) => image.clone(),
-        None => build(options.tick_us)?,
+        None => build(options.way())?,
     };
     ctrlc::set_handler(|| ASKED_TO_END.store(true, Ordering::Relaxed))?;
     let screens = thread::scope(|scope| {
@@ -120,9 +120,9 @@ pub fn run(options: &QemuOptions) -> Result<ExitCode> {
 /// # Errors
 ///
 /// When the build fails.
-pub fn build(tick_us: u32) -> Result<PathBuf> {
+pub fn build(way: Way) -> Result<PathBuf> {
     image::build(Variant {
-        tick_us,
+        way,
         ..Variant::standard(Board::Qemu)
     })
 }
@@ -160,8 +160,9 @@ fn run_board(options: &console::Options, image: &Path, index: u16) -> Result<Scr
     );
     if !options.json {
         println!(
-            "QEMU {MACHINE} on tcp:127.0.0.1:{port}, tick {} µs",
-            options.tick_us
+            "QEMU {MACHINE} on tcp:127.0.0.1:{port}, {}, tick {} µs",
+            options.way().name(),
+            options.way().tick_us()
         );
     }
     let (line, _) = receiver_port.accept()?;

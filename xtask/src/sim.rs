@@ -18,7 +18,7 @@ pub fn run(options: &Options, arguments: &[String]) -> Result<ExitCode> {
     command.args(arguments);
     if options.image.is_none() {
         let image = image::build(Variant {
-            tick_us: options.tick_us,
+            way: options.way(),
             ..Variant::standard(Board::Pixhawk1)
         })?;
         command.arg("--image").arg(image);

@@ -16,7 +16,7 @@ use stm32f4xx_hal::serial::Serial;
 use crate::drivers::pulse::{self, Pulse};
 use crate::drivers::time;
 use crate::drivers::uart::{Reader, Writer};
-use crate::priorities;
+use crate::{priorities, settings};
 
 mod lines;
 mod spare;
@@ -27,8 +27,8 @@ mod this;
 pub use lines::wake_readers;
 pub use this::{NAME, WITNESS_RATIO, read_pair};
 
-/// Both lines at start-up, in Bd; the paper's fix.
-const BAUD: u32 = 115_200;
+/// The MAVLink line, in Bd.
+const MAVLINK_BAUD: u32 = 115_200;
 
 /// The interrupts that the executors run in: those of the camera interface and the
 /// second CAN, which this firmware has no use for.
@@ -66,10 +66,15 @@ pub fn init() -> Board {
 
     let gpiod = chip.GPIOD.split(&mut rcc);
     let gpioe = chip.GPIOE.split(&mut rcc);
-    let gnss = Serial::<_, u8>::new(chip.UART4, (gpioa.pa0, gpioa.pa1), BAUD.bps(), &mut rcc);
-    let mavlink = Serial::<_, u8>::new(chip.USART2, (gpiod.pd5, gpiod.pd6), BAUD.bps(), &mut rcc);
+    let (gps, telem1) = ((gpioa.pa0, gpioa.pa1), (gpiod.pd5, gpiod.pd6));
+    let gnss = Serial::<_, u8>::new(chip.UART4, gps, settings::GPS_BAUD.bps(), &mut rcc);
+    let mavlink = Serial::<_, u8>::new(chip.USART2, telem1, MAVLINK_BAUD.bps(), &mut rcc);
     if gnss.is_err() || mavlink.is_err() {
-        defmt::panic!("{} Bd cannot be made from the bus clock", BAUD);
+        defmt::panic!(
+            "{} or {} Bd cannot be made from the bus clock",
+            settings::GPS_BAUD,
+            MAVLINK_BAUD
+        );
     }
 
     TIM5::enable(&mut rcc);

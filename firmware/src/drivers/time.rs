@@ -21,9 +21,11 @@ use cortex_m::peripheral::scb::SystemHandler;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{SCB, SYST};
 use critical_section::Mutex;
+use embassy_time::{Instant, Timer};
 use embassy_time_driver::Driver;
 use embassy_time_queue_utils::Queue;
 use stm32f4xx_hal::pac::TIM5;
+use timebase::sleep::wakes_at;
 use timebase::tick::{self, Counters, Word};
 use timebase::{CORE_HZ, Cycles, Stamp};
 
@@ -126,6 +128,18 @@ pub fn start(mut syst: SYST, scb: &mut SCB, _witness: TIM5) -> Result<(), Priori
 #[inline(always)]
 pub fn now() -> Cycles {
     tick::now(&Registers)
+}
+
+/// The last tick: the time since boot in whole ticks, as NuttX has it.
+pub fn last_tick() -> Cycles {
+    tick::last_tick(&Registers)
+}
+
+/// Sleeps for `us` µs in whole ticks, as NuttX does it.
+pub async fn sleep_in_ticks(us: u32) {
+    let wakes_at = wakes_at(last_tick(), us, Registers::PERIOD);
+    // A tick is a whole number of µs.
+    Timer::at(Instant::from_micros(wakes_at.as_micros())).await;
 }
 
 /// The low word of the time since boot, for interrupts.

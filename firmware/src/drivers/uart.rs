@@ -36,6 +36,7 @@ use stm32f4xx_hal::pac::usart1::RegisterBlock;
 use timebase::StampedByte;
 
 use super::time;
+use crate::settings::WAY;
 
 /// SR and CR1 of RM0090, sections 30.6.1 and 30.6.4.
 mod bits {
@@ -213,7 +214,8 @@ impl Line {
 
     /// Wakes the reading task when it is worth it: when [`WORTH_WAKING`] bytes wait,
     /// or when some do and no more have come since the last call. To be called once
-    /// a millisecond.
+    /// a millisecond. In the paper's ways when any do: PX4 1.9 looks into its DMA's buffer once a
+    /// millisecond and wakes who polls (`boards/px4/fmu-v2`, `stm32_serial_dma_poll`).
     #[inline]
     pub fn wake_reader(&self) {
         let waiting = self.with_incoming(|incoming| incoming.len());
@@ -222,7 +224,7 @@ impl Line {
         }
         let has_paused = self.waiting.load(Relaxed) == waiting;
         self.waiting.store(waiting, Relaxed);
-        if has_paused || waiting >= WORTH_WAKING {
+        if WAY.is_papers() || has_paused || waiting >= WORTH_WAKING {
             self.reader.wake();
         }
     }
@@ -286,6 +288,11 @@ impl Reader {
             }
         })
         .await;
+    }
+
+    /// How many bytes are there now.
+    pub fn waiting(&self) -> usize {
+        self.line.with_incoming(|incoming| incoming.len())
     }
 
     /// Hands over the bytes that are there now, in two runs at most, with

@@ -4,9 +4,10 @@
 use embassy_futures::select::select3;
 use embassy_time::{Instant, Timer};
 use timebase::{CORE_HZ, Cycles, TimeMark};
-use ubx_link::{Action, Event, Fix, Link, Session};
+use ubx_link::{Event, Fix, Link};
 use utc_clock::{Outcome, PulseOutcome, Settings, Source, UtcClock};
 
+use super::configuration::Configuration;
 use crate::drivers::pulse::Pulse;
 use crate::drivers::time;
 use crate::drivers::uart::{INCOMING, Reader, Writer};
@@ -14,11 +15,7 @@ use crate::settings;
 use crate::shared::{CLOCK, GNSS, GnssReport, NEWS, News};
 
 /// From report to report, in cycles: 1 s.
-const REPORT_EVERY: u64 = CORE_HZ as u64;
-
-/// How often it is looked whether a frame has left the wire, in cycles: 1 ms. Only
-/// while the receiver is being configured.
-const LOOK_EVERY: u64 = CORE_HZ as u64 / 1_000;
+pub(super) const REPORT_EVERY: u64 = CORE_HZ as u64;
 
 /// Forecasts of the pulse are wanted for so long after an edge, in cycles: 10 s.
 const FORECASTS_FOR: u64 = 10 * CORE_HZ as u64;
@@ -51,10 +48,8 @@ pub async fn run(mut reader: Reader, mut writer: Writer, mut pulse: Pulse) {
 /// The state machines that the receiver's bytes go through.
 struct Receiver {
     link: Link,
-    session: Session,
+    configuration: Configuration,
     clock: UtcClock<'static>,
-    /// A frame of the session's is on its way out.
-    is_sending: bool,
     /// The last solution, and when it arrived.
     fix: Option<(Cycles, Fix)>,
     /// The last edge of the pulse's wire.
@@ -71,9 +66,8 @@ impl Receiver {
         };
         Self {
             link: Link::new(),
-            session: Session::new(),
+            configuration: Configuration::new(),
             clock: UtcClock::new(settings, &CLOCK),
-            is_sending: false,
             fix: None,
             edge: None,
             source: Source::Nothing,
@@ -86,7 +80,7 @@ impl Receiver {
             self.link.hear(bytes);
         });
         while let Some(event) = self.link.poll(now) {
-            self.session.handle_event(now, &event);
+            self.configuration.handle_event(now, &event);
             match event {
                 Event::NavPvt { mark, fix } => {
                     self.fix = Some((mark.arrival, fix));
@@ -137,32 +131,18 @@ impl Receiver {
         }
     }
 
-    /// Does what the session asks for.
+    /// Goes on with the receiver's configuration.
     fn configure(&mut self, writer: &mut Writer, now: Cycles) {
         let has_pulse = self.edge.is_some_and(|edge| edge.plus(FORECASTS_FOR) > now);
-        self.session.want_forecasts(has_pulse);
-        if self.is_sending && writer.is_idle() {
-            self.is_sending = false;
-            self.session.handle_sent(now);
-        }
-        while let Some(action) = self.session.poll(now) {
-            match action {
-                Action::SetBaud(baud) => writer.set_baud(baud),
-                Action::Transmit(frame) => {
-                    writer.send(frame);
-                    self.is_sending = true;
-                }
-            }
-        }
+        self.configuration.want_forecasts(has_pulse);
+        self.configuration.drive(writer, now);
     }
 
     /// When one of the state machines has to be asked again.
     fn poll_timeout(&self, now: Cycles) -> Cycles {
         let mut due = self.clock.poll_timeout();
-        if self.is_sending {
-            due = due.min(now.plus(LOOK_EVERY));
-        }
-        for timeout in [self.session.poll_timeout(), self.link.poll_timeout(now)] {
+        let of_configuration = self.configuration.poll_timeout(now);
+        for timeout in [of_configuration, self.link.poll_timeout(now)] {
             due = timeout.map_or(due, |timeout| due.min(timeout));
         }
         due
@@ -171,7 +151,7 @@ impl Receiver {
     fn report(&self, reader: &Reader, pulse: &Pulse) -> GnssReport {
         GnssReport {
             link: self.link.counters(),
-            session: self.session.counters(),
+            session: self.configuration.counters(),
             clock: self.clock.counters(),
             line: reader.errors(),
             edges: pulse.counters(),
@@ -187,12 +167,12 @@ fn tell_step(by_ns: i64) {
     tell(News::Stepped { by_ns });
 }
 
-fn tell(news: News) {
+pub(super) fn tell(news: News) {
     // A full queue means that nobody listens; the log has it.
     let _ = NEWS.try_send(news);
 }
 
 /// The first of embassy's µs that is not earlier than `time`.
-fn first_instant_after(time: Cycles) -> Instant {
+pub(super) fn first_instant_after(time: Cycles) -> Instant {
     Instant::from_micros(time.as_micros().saturating_add(1))
 }

@@ -11,13 +11,13 @@ use stm32f4xx_hal::gpio::{ErasedPin, OpenDrain, Output, PinState};
 use utc_clock::ClockState;
 
 use crate::drivers::time;
-use crate::shared::CLOCK;
+use crate::shared;
 
 /// Runs for ever, on the patient executor.
 #[embassy_executor::task]
 pub async fn run(mut led: ErasedPin<Output<OpenDrain>>) {
     loop {
-        let (lit_ms, dark_ms) = match CLOCK.reading_at(time::now()).state {
+        let (lit_ms, dark_ms) = match shared::reading_at(time::now()).state {
             ClockState::Unset => (100, 100),
             ClockState::Set => (50, 950),
             ClockState::Holdover => (500, 500),

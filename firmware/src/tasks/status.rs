@@ -9,7 +9,8 @@ use embassy_time::{Duration, Ticker};
 use utc_clock::{ClockState, Reading, Source, calendar};
 
 use crate::drivers::time;
-use crate::shared::{CLOCK, GNSS, GnssReport, MAVLINK, MavlinkReport};
+use crate::settings::WAY_NAME;
+use crate::shared::{self, GNSS, GnssReport, MAVLINK, MavlinkReport};
 
 /// Runs for ever, on the patient executor.
 #[embassy_executor::task]
@@ -22,12 +23,13 @@ pub async fn run() {
 }
 
 fn log() {
-    let reading = CLOCK.reading_at(time::now());
+    let reading = shared::reading_at(time::now());
     let gnss = GNSS.get();
     let mavlink = MAVLINK.get();
     let clock = gnss.map(|report| report.clock).unwrap_or_default();
     defmt::info!(
-        "status state={} source={} utc={} unc_ns={=u32} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}",
+        "status way={=str} state={} source={} utc={} unc_ns={=u32} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}",
+        WAY_NAME,
         State(reading.state),
         From(gnss.map(|report| report.source).unwrap_or_default()),
         Utc(reading),

@@ -14,6 +14,8 @@ use std::time::Duration;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 
+use crate::Way;
+
 /// The periods of SysTick that the firmware can be built with, in µs.
 pub const TICKS_US: [u32; 4] = [1_000, 500, 200, 50];
 /// The first board's MAVLink port: where ground stations look for a simulator.
@@ -47,7 +49,12 @@ pub struct Options {
 
     /// Build the firmware for a tick of so many µs
     #[arg(long, value_name = "N", default_value = "50", value_parser = tick_parser())]
-    pub tick_us: u32,
+    tick_us: u32,
+
+    /// Build the firmware for another way to keep the clock: paper-default, paper-step1,
+    /// paper-step2:500, paper-step2:200 or paper-step2:50
+    #[arg(long, value_name = "WAY", conflicts_with = "tick_us")]
+    way: Option<Way>,
 
     /// The TCP port of the first board's MAVLink; the next boards take the next ports
     #[arg(long, value_name = "P", default_value_t = DEFAULT_MAVLINK_PORT, value_parser = clap::value_parser!(u16).range(1_024..=MAX_PORT))]
@@ -75,6 +82,13 @@ impl Options {
     #[must_use]
     pub fn duration(&self) -> Option<Duration> {
         self.duration.map(Duration::from_secs)
+    }
+
+    /// How the firmware is to keep the clock.
+    #[must_use]
+    pub fn way(&self) -> Way {
+        let tick_us = self.tick_us;
+        self.way.unwrap_or(Way::Pixclock { tick_us })
     }
 
     /// The MAVLink port of board `index`, counted from 0 and below
@@ -121,7 +135,7 @@ mod tests {
     #[test]
     fn without_options_it_is_one_board_at_50_us_on_5760_until_ctrl_c() {
         let options = parse(&[]).unwrap();
-        assert_eq!((options.boards, options.tick_us), (1, 50));
+        assert_eq!((options.boards, options.way()), (1, Way::STANDARD));
         assert_eq!(options.mavlink_port_of(0), 5_760);
         assert_eq!(options.duration(), None);
     }
@@ -129,14 +143,24 @@ mod tests {
     #[test]
     fn every_tick_that_can_be_built_is_taken_and_another_is_refused_with_the_list() {
         for tick in TICKS_US {
-            assert_eq!(
-                parse(&["--tick-us", &tick.to_string()]).unwrap().tick_us,
-                tick
-            );
+            let options = parse(&["--tick-us", &tick.to_string()]).unwrap();
+            assert_eq!(options.way(), Way::Pixclock { tick_us: tick });
         }
         let error = parse(&["--tick-us", "100"]).unwrap_err();
         assert_eq!(error.exit_code(), 2);
         assert!(error.to_string().contains("1000, 500, 200, 50"), "{error}");
+    }
+
+    #[test]
+    fn a_way_of_the_papers_has_its_own_tick() {
+        let options = parse(&["--way", "paper-step2:200"]).unwrap();
+        assert_eq!(options.way(), Way::PaperStep2 { tick_us: 200 });
+        for wrong in [
+            ["--way", "paper-step2"].as_slice(),
+            &["--way", "paper-step1", "--tick-us", "1000"],
+        ] {
+            assert_eq!(parse(wrong).unwrap_err().exit_code(), 2, "{wrong:?}");
+        }
     }
 
     #[test]

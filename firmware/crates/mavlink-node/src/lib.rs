@@ -25,13 +25,18 @@
 )]
 
 pub mod client;
+mod command;
 pub mod crc;
 pub mod frame;
 pub mod framer;
+mod log_transfer;
 pub mod node;
+pub mod parameter;
 mod ping;
 pub mod telling;
 
+pub use command::Test;
 pub use frame::{Address, Frame, Version};
 pub use node::{Ask, Config, Counters, Node, NodeTime, PingReply, Request};
+pub use parameter::Parameter;
 pub use telling::{Fix, GpsFix, Severity};

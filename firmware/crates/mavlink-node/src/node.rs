@@ -266,7 +266,7 @@ impl Node {
         let us = self.sender.address();
         let (ask, count) = match u32::from(frame.id) {
             Ping::ID => {
-                let ping = Ping::parse(frame)?;
+                let ping = Ping::parse(&frame.payload)?;
                 let ask = Ask::Ping {
                     time_usec: ping.time_usec,
                     seq: ping.seq,

@@ -16,7 +16,7 @@
 pub const CORE_HZ: u32 = 168_000_000;
 
 /// Core cycles a µs, exactly.
-const CYCLES_PER_US: u64 = CORE_HZ as u64 / 1_000_000;
+pub(crate) const CYCLES_PER_US: u64 = CORE_HZ as u64 / 1_000_000;
 
 /// Time since boot, in cycles of the core clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]

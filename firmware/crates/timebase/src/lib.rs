@@ -9,7 +9,7 @@
 //! repairs the ticks that were lost while interrupts were masked, with a second
 //! counter of the same clock (TIM5) as witness. [`cycles`] has the unit and its
 //! conversions. [`capture`] extends a 16-bit input capture to it. [`mark`] has what
-//! the receiver's line and its pulse tell the clock.
+//! the receiver's line and its pulse tell the clock; [`sleep`] waits in whole ticks.
 //!
 //! *Limits.* Pure values and arithmetic: registers are reached through the
 //! trait [`tick::Counters`], which the firmware's time driver implements.
@@ -19,6 +19,7 @@
 pub mod capture;
 pub mod cycles;
 pub mod mark;
+pub mod sleep;
 pub mod tick;
 
 pub use cycles::{CORE_HZ, Cycles, Stamp, StampedByte};

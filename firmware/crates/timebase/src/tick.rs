@@ -114,6 +114,12 @@ pub fn stamp<C: Counters>(counters: &C) -> Stamp {
     Stamp(low.wrapping_add_signed(since.elapsed::<C>()))
 }
 
+/// The last tick that was counted: time since boot in whole ticks.
+#[inline]
+pub fn last_tick<C: Counters>(counters: &C) -> Cycles {
+    Cycles(counters.masked(|| load_anchor(counters)))
+}
+
 /// The first moment from `now` on at which a down-counter of that `period` shows
 /// `down_count`: it wraps at whole periods since boot.
 #[must_use]

@@ -1,6 +1,6 @@
 //! The configuration frames, byte for byte.
 //!
-//! *Purpose.* What the receiver is told: 115200 baud and UBX alone, a solution
+//! *Purpose.* What the receiver is told: the line's rate and UBX alone, a solution
 //! each 200 ms on the grid of UTC, NAV-PVT of it, the airborne model, a pulse at
 //! each full second, and whether to forecast it.
 //!
@@ -19,7 +19,7 @@ use ublox::cfg_tp5::{CfgTp5Builder, CfgTp5Flags};
 use crate::fletcher::Fletcher;
 use crate::kind::{SYNC_1, SYNC_2};
 
-/// The rate on both ends of the line, in baud.
+/// The rate on both ends of the line unless another one is asked for, in baud.
 pub const BAUD: u32 = 115_200;
 
 /// The rates at which a receiver is looked for, in the order of the search: ours,
@@ -36,8 +36,11 @@ pub(crate) const LONGEST: usize = 44;
 /// A configuration frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Setting {
-    /// CFG-PRT: UART1 at [`BAUD`], 8N1, UBX in and out.
-    Port,
+    /// CFG-PRT: UART1, 8N1, UBX in and out.
+    Port {
+        /// Its rate.
+        baud: u32,
+    },
     /// CFG-RATE: a solution every 200 ms, aligned to UTC.
     Rate,
     /// CFG-MSG: NAV-PVT at every solution, on the port that hears it.
@@ -59,7 +62,7 @@ impl Setting {
     #[must_use]
     pub const fn message(self) -> (u8, u8) {
         let id = match self {
-            Self::Port => 0x00,
+            Self::Port { .. } => 0x00,
             Self::Rate => 0x08,
             Self::Message | Self::Forecasts { .. } => 0x01,
             Self::Navigation => 0x24,
@@ -71,7 +74,7 @@ impl Setting {
     /// Writes the frame to `buffer` and says its length.
     pub(crate) fn write(self, buffer: &mut [u8; LONGEST]) -> usize {
         match self {
-            Self::Port => put(buffer, &port()),
+            Self::Port { baud } => put(buffer, &port(baud)),
             Self::Rate => put(
                 buffer,
                 &CfgRateBuilder {
@@ -135,13 +138,13 @@ impl Setting {
 }
 
 /// CFG-PRT by hand (u-blox M8 receiver description, UBX-CFG-PRT).
-fn port() -> [u8; 28] {
+fn port(baud: u32) -> [u8; 28] {
     // Reserved bit 4, eight bits of data, no parity, one stop bit.
     const MODE: u32 = 0x08d0;
     const UART1: u8 = 1;
     const UBX: u8 = 1;
     let [m0, m1, m2, m3] = MODE.to_le_bytes();
-    let [b0, b1, b2, b3] = BAUD.to_le_bytes();
+    let [b0, b1, b2, b3] = baud.to_le_bytes();
     let mut frame = [
         SYNC_1, SYNC_2, 0x06, 0x00, 20, 0, // class, id, length
         UART1, 0, 0, 0, m0, m1, m2, m3, b0, b1, b2, b3, // txReady is off
@@ -170,7 +173,7 @@ mod tests {
     fn frames_are_right_to_the_byte() {
         let known: [(Setting, &[u8]); 7] = [
             (
-                Setting::Port,
+                Setting::Port { baud: BAUD },
                 b"\xb5\x62\x06\x00\x14\x00\x01\x00\x00\x00\xd0\x08\x00\x00\x00\xc2\x01\x00\
                   \x01\x00\x01\x00\x00\x00\x00\x00\xb8\x42",
             ),

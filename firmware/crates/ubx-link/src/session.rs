@@ -1,6 +1,6 @@
 //! The configuration session: what leaves for the receiver, when, and at which rate.
 //!
-//! *Purpose.* To bring a receiver, whatever it was left at, to 115200 baud and
+//! *Purpose.* To bring a receiver, whatever it was left at, to our rate and
 //! NAV-PVT alone, and back to it when it has restarted; with TIM-TP beside it while
 //! somebody wants forecasts of the pulse.
 //!
@@ -10,7 +10,7 @@
 //! ([`Session::handle_sent`]): before that the session asks for nothing, above all
 //! for no other rate.
 //!
-//! An *attempt* sends CFG-PRT at one rate, goes to [`BAUD`], lets the receiver do the same, and
+//! An *attempt* sends CFG-PRT at one rate, goes to ours, lets the receiver do the same, and
 //! sends the first setting there. CFG-PRT itself is not waited for: its answer comes at a rate that
 //! is not defined. If anything readable comes, the receiver is found, and the other settings
 //! follow, each until it is answered or [`TRIES`] times. Whether TIM-TP is to come is the last of
@@ -20,7 +20,7 @@
 //! [`SILENCE`]. While frames arrive, no rate is tried: only silence of [`SILENCE`] begins a new
 //! round.
 //!
-//! *Limits.* A receiver that does not hear us but talks at [`BAUD`] is left alone.
+//! *Limits.* A receiver that does not hear us but talks at our rate is left alone.
 //! More than 100 framing errors in a second make an M8 deaf for the rest of it (it
 //! says so: "More than 100 frame errors, UART RX was disabled"), so
 //! that an attempt at a wrong rate may spoil the next one at the right rate; so
@@ -47,7 +47,7 @@ pub const TRIES: u8 = 3;
 /// at the factory's one epoch a second some receivers take longer.
 const ANSWER: u64 = millis(400);
 
-/// From the end of CFG-PRT to the first frame at [`BAUD`]: the receiver changes
+/// From the end of CFG-PRT to the first frame at our rate: the receiver changes
 /// its rate after it has dealt with the frame.
 const SETTLE: u64 = millis(100);
 
@@ -110,9 +110,11 @@ enum State {
 #[derive(Clone, Debug)]
 pub struct Session {
     state: State,
+    /// The rate on both ends of the line.
+    ours: u32,
     /// What the UART is set to.
     baud: u32,
-    /// Which of [`BAUDS`] the attempt is for.
+    /// Which of [`BAUDS`] the attempt is for, with our rate in the place of [`BAUD`].
     rate: usize,
     /// Attempts of this round, this one included.
     attempts: usize,
@@ -136,12 +138,19 @@ impl Default for Session {
 }
 
 impl Session {
-    /// A session that begins its first round at once, on a UART at [`BAUD`].
+    /// A session for [`BAUD`] that begins its first round at once, on a UART at that rate.
     #[must_use]
     pub const fn new() -> Self {
+        Self::at(BAUD)
+    }
+
+    /// The same for another of [`BAUDS`].
+    #[must_use]
+    pub const fn at(ours: u32) -> Self {
         Self {
             state: State::Tune,
-            baud: BAUD,
+            ours,
+            baud: ours,
             rate: 0,
             attempts: 1,
             setting: 0,
@@ -186,20 +195,19 @@ impl Session {
             match self.state {
                 State::Tune => {
                     self.state = State::Knock;
-                    let baud = BAUDS.get(self.rate).copied().unwrap_or(BAUD);
-                    if let Some(action) = self.tune(baud) {
+                    if let Some(action) = self.tune(self.rate()) {
                         return Some(action);
                     }
                 }
                 State::Knock => {
                     self.state = State::Knocking;
                     count(&mut self.counters.attempts);
-                    return Some(self.transmit(Setting::Port));
+                    return Some(self.transmit(Setting::Port { baud: self.ours }));
                 }
                 State::Return => {
                     let until = now.plus(SETTLE);
                     self.state = State::Settling { until };
-                    if let Some(action) = self.tune(BAUD) {
+                    if let Some(action) = self.tune(self.ours) {
                         return Some(action);
                     }
                 }
@@ -322,6 +330,15 @@ impl Session {
         }
         self.attempts = 1;
         self.state = State::Tune;
+    }
+
+    /// The rate that the attempt is for: ours has changed places with [`BAUD`].
+    fn rate(&self) -> u32 {
+        match BAUDS.get(self.rate).copied().unwrap_or(BAUD) {
+            BAUD => self.ours,
+            ours if ours == self.ours => BAUD,
+            other => other,
+        }
     }
 
     const fn next_rate(&mut self) {

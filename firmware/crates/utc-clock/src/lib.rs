@@ -9,7 +9,8 @@
 //! the clock is off, [`clock`] how it follows: it owns the time line, a chain of
 //! [`model`]s, each an affine map from cycles to UTC, with a doubt that grows as in
 //! [`holdover`]. [`published`] shares that line with readers of any priority, without
-//! a lock. [`counters`] has the kinds of refusal and how often each occurred.
+//! a lock. [`paper`] is the clock of the boards that the paper measured, in place of all that.
+//! [`counters`] has the kinds of refusal and how often each occurred.
 //!
 //! ```text
 //! TimeMark ─▶ gate ─▶ envelope ─┐
@@ -40,6 +41,7 @@ pub mod gate;
 pub mod holdover;
 mod kalman;
 pub mod model;
+pub mod paper;
 pub mod published;
 pub mod pulse;
 pub mod utc;
@@ -48,6 +50,7 @@ pub use calendar::CalendarError;
 pub use clock::{Outcome, PulseOutcome, Settings, Source, UtcClock};
 pub use counters::{Counters, Refusal};
 pub use model::{ClockModel, ClockState, Reading};
+pub use paper::PaperClock;
 pub use published::Published;
 pub use pulse::PulseRefusal;
 pub use utc::{Ppb, UtcNanos};

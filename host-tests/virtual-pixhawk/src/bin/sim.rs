@@ -162,9 +162,10 @@ fn announce(options: &Options, utc_at_start: UtcNanos) -> anyhow::Result<()> {
     };
     for index in 0..options.boards {
         println!(
-            "virtual Pixhawk 1 on tcp:127.0.0.1:{}, tick {} µs, {source}",
+            "virtual Pixhawk 1 on tcp:127.0.0.1:{}, {}, tick {} µs, {source}",
             options.mavlink_port_of(index),
-            options.tick_us
+            options.way().name(),
+            options.way().tick_us()
         );
     }
     Ok(())

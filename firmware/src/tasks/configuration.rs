@@ -1,0 +1,72 @@
+//! The receiver's configuration between the session and the line: what both GNSS tasks share.
+
+use timebase::{CORE_HZ, Cycles};
+use ubx_link::{Action, Event, Session, SessionCounters};
+
+use crate::drivers::uart::Writer;
+use crate::settings;
+
+/// How often it is looked whether a frame has left the wire, in cycles: 1 ms. Only
+/// while the receiver is being configured.
+const LOOK_EVERY: u64 = CORE_HZ as u64 / 1_000;
+
+/// The session, and whether a frame of its is on its way out.
+pub struct Configuration {
+    session: Session,
+    is_sending: bool,
+}
+
+impl Configuration {
+    /// Of a receiver that is to be brought to [`settings::GPS_BAUD`].
+    pub const fn new() -> Self {
+        Self {
+            session: Session::at(settings::GPS_BAUD),
+            is_sending: false,
+        }
+    }
+
+    /// Something readable has come from the receiver.
+    #[inline]
+    pub fn handle_event(&mut self, now: Cycles, event: &Event) {
+        self.session.handle_event(now, event);
+    }
+
+    /// Says whether the pulse is to be forecast. Before [`Self::drive`].
+    #[inline]
+    pub const fn want_forecasts(&mut self, wanted: bool) {
+        self.session.want_forecasts(wanted);
+    }
+
+    /// Does what the session asks for.
+    #[inline]
+    pub fn drive(&mut self, writer: &mut Writer, now: Cycles) {
+        if self.is_sending && writer.is_idle() {
+            self.is_sending = false;
+            self.session.handle_sent(now);
+        }
+        while let Some(action) = self.session.poll(now) {
+            match action {
+                Action::SetBaud(baud) => writer.set_baud(baud),
+                Action::Transmit(frame) => {
+                    writer.send(frame);
+                    self.is_sending = true;
+                }
+            }
+        }
+    }
+
+    /// When to call [`Self::drive`] again if nothing comes.
+    #[inline]
+    pub fn poll_timeout(&self, now: Cycles) -> Option<Cycles> {
+        if self.is_sending {
+            // The session waits for nothing else meanwhile.
+            return Some(now.plus(LOOK_EVERY));
+        }
+        self.session.poll_timeout()
+    }
+
+    /// What has happened so far.
+    pub const fn counters(&self) -> SessionCounters {
+        self.session.counters()
+    }
+}

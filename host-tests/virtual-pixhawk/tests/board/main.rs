@@ -13,6 +13,8 @@ mod clock;
 #[cfg(test)]
 mod common;
 #[cfg(test)]
+mod log;
+#[cfg(test)]
 mod pulse;
 #[cfg(test)]
 mod steering;

@@ -131,12 +131,7 @@ fn conditions(options: &Options) -> Vec<(&'static str, String)> {
 }
 
 /// One way with one seed.
-fn one_run(
-    options: &Options,
-    way: Way,
-    seed: u64,
-    bar: &ProgressBar,
-) -> anyhow::Result<Run> {
+fn one_run(options: &Options, way: Way, seed: u64, bar: &ProgressBar) -> anyhow::Result<Run> {
     let settings = (0..).zip(&options.crystals.ppb);
     let boards = settings
         .map(|(index, &crystal_ppb)| Lab::board(options, way, seed, index, crystal_ppb))
@@ -268,8 +263,7 @@ impl Lab {
         }
         let lasted_ns = since_test(board.now().0.min(ends)).max(0);
         let test_utc_ns = START_UTC_NS + self.test_ns.cast_signed();
-        let record =
-            conversation.end(Some(&|sent_ns| test_utc_ns + sent_ns + FIRST_BYTE_NS));
+        let record = conversation.end(Some(&|sent_ns| test_utc_ns + sent_ns + FIRST_BYTE_NS));
         Ok(Life {
             record,
             lasted_s: (lasted_ns.cast_unsigned() / SECOND) as u32,

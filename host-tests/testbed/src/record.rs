@@ -266,7 +266,9 @@ impl Conversation {
         } else if samples.iter().all(|sample| sample.verdict == Verdict::NotSet) {
             troubles.push(Trouble::NeverSet);
         }
-        troubles.extend(self.deaf.iter().map(|&(from, _)| Trouble::LostReceiver(from)));
+        // A receiver that was found before the test began is no trouble.
+        let deaf = self.deaf.iter().filter(|&&(_, to)| to > 0);
+        troubles.extend(deaf.map(|&(from, _)| Trouble::LostReceiver(from)));
         troubles.extend(self.rebooted_ns.map(Trouble::Rebooted));
         let is_silent = self.fell_silent_ns.filter(|_| self.rebooted_ns.is_none());
         troubles.extend(is_silent.filter(|_| !samples.is_empty()).map(Trouble::FellSilent));
@@ -354,6 +356,9 @@ mod tests {
         for sequence in 0..120 {
             answer(&mut conversation, sequence, UTC_US);
         }
+        // Found before the test began.
+        conversation.heard(-9 * SECOND, &What::Fix { fix_type: 0 });
+        conversation.heard(-8 * SECOND, &What::Fix { fix_type: 3 });
         conversation.heard(2 * SECOND, &What::Fix { fix_type: 3 });
         conversation.heard(5 * SECOND, &What::Fix { fix_type: 0 });
         conversation.heard(8 * SECOND, &What::Fix { fix_type: 0 });

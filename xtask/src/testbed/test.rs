@@ -77,12 +77,13 @@ pub fn prepare(
 }
 
 fn get_ready(mut board: Connected, settle: Duration, began: Instant) -> Result<Ready> {
-    let mut identity = board.identify()?;
+    // Whether it answers at all is said at once.
+    board.identify()?;
     loop {
         let clock = board.clock();
         if clock.is_some_and(|clock| clock.is_set && clock.up >= settle) {
             // What steers it may have changed while it settled.
-            identity = board.identify()?;
+            let identity = board.identify()?;
             return Ok(Ready { board, identity });
         }
         if is_asked_to_end() {

@@ -18,6 +18,7 @@ use timebase::Cycles;
 use ubx_link::{Fix, LinkCounters, SessionCounters};
 use utc_clock::{ClockState, Ppb, Published, Reading, Source};
 
+use crate::drivers::card::CardErrors;
 use crate::drivers::pulse::EdgeCounters;
 use crate::drivers::time;
 use crate::drivers::uart::LineErrors;
@@ -32,6 +33,9 @@ pub static GNSS: Report<GnssReport> = Report::new();
 
 /// The last report of the MAVLink task.
 pub static MAVLINK: Report<MavlinkReport> = Report::new();
+
+/// What has gone wrong with the card, since thread level last used it.
+pub static CARD: Report<CardErrors> = Report::new();
 
 /// What the clock did that others should hear of.
 pub static NEWS: Channel<CriticalSectionRawMutex, News, 4> = Channel::new();

@@ -5,7 +5,7 @@ use cortex_m_rt::exception;
 use defmt_rtt as _;
 #[cfg(feature = "qemu")]
 use defmt_semihosting as _;
-use embassy_executor::InterruptExecutor;
+use embassy_executor::{InterruptExecutor, SendSpawner, SpawnError, SpawnToken};
 use stm32f4xx_hal::pac::interrupt;
 
 use crate::board::{self, Board};
@@ -27,6 +27,7 @@ fn main() -> ! {
         mavlink: (mavlink_reader, mavlink_writer),
         pulse,
         samples,
+        card,
         led,
     } = board::init();
     SAMPLES.open(samples);
@@ -38,32 +39,28 @@ fn main() -> ! {
         settings::TICK_US,
         settings::SYSTEM_ID
     );
-    let (Ok(mavlink), Ok(led), Ok(status)) = (
-        mavlink::run(mavlink_reader, mavlink_writer),
-        led::run(led),
-        status::run(),
-    ) else {
-        defmt::panic!("a task was started twice");
-    };
     let prompt = PROMPT.start(board::PROMPT);
-    let was_started_twice = if settings::WAY.is_papers() {
-        paper::run(gnss_reader, gnss_writer).map(|paper| prompt.spawn(paper))
+    if settings::WAY.is_papers() {
+        spawn(&prompt, paper::run(gnss_reader, gnss_writer));
     } else {
-        gnss::run(gnss_reader, gnss_writer, pulse).map(|gnss| prompt.spawn(gnss))
+        spawn(&prompt, gnss::run(gnss_reader, gnss_writer, pulse));
     }
-    .is_err();
-    if was_started_twice {
-        defmt::panic!("a task was started twice");
-    }
-    prompt.spawn(mavlink);
+    spawn(&prompt, mavlink::run(mavlink_reader, mavlink_writer));
     let patient = PATIENT.start(board::PATIENT);
-    patient.spawn(led);
-    patient.spawn(status);
+    spawn(&patient, led::run(led));
+    spawn(&patient, status::run());
     #[cfg(feature = "bench")]
-    if let Ok(bench) = crate::bench::run() {
-        patient.spawn(bench);
+    spawn(&patient, crate::bench::run());
+    storage::run(card)
+}
+
+/// Hands a task to its executor.
+#[inline(always)]
+fn spawn<S: Send>(executor: &SendSpawner, task: Result<SpawnToken<S>, SpawnError>) {
+    match task {
+        Ok(task) => executor.spawn(task),
+        Err(_) => defmt::panic!("a task was started twice"),
     }
-    storage::run()
 }
 
 /// The executor of the GNSS and MAVLink tasks; see [`board::PROMPT`].

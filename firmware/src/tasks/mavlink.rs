@@ -97,8 +97,18 @@ fn in_words(news: News) -> String<50> {
             push_number(&mut text, samples.into());
             (" samples saved to the card, file ", Some(file.into()), "")
         }
-        News::NotSaved(NotSaved::NoSlot) => {
-            ("log not saved: this board has no card slot", None, "")
+        News::NotSaved(why) => {
+            let why = match why {
+                NotSaved::NoSlot => "this board has no card slot",
+                NotSaved::NoCard => "no card in the slot",
+                NotSaved::NotFat => "format the card as FAT32",
+                NotSaved::WriteProtected => "the card is write-protected",
+                NotSaved::Full => "the card is full",
+                NotSaved::Pulled => "the card was pulled",
+                NotSaved::Failed => "the card fails",
+                NotSaved::Cleared => "a new test has begun",
+            };
+            ("log not saved: ", None, why)
         }
     };
     // All of it fits.

@@ -335,7 +335,7 @@ fn what(frame: &Delimited<MAX_PAYLOAD>) -> Option<What> {
         PARAM_VALUE_DATA::ID => {
             let parameter = PARAM_VALUE_DATA::deser(V2, payload).ok()?;
             What::Parameter {
-                name: Text(parameter.param_id.into()),
+                name: Text::new(parameter.param_id.into()),
                 value: parameter.param_value,
                 index: parameter.param_index,
                 count: parameter.param_count,
@@ -363,7 +363,7 @@ fn what(frame: &Delimited<MAX_PAYLOAD>) -> Option<What> {
             let told = STATUSTEXT_DATA::deser(V2, payload).ok()?;
             What::StatusText {
                 severity: told.severity as u8,
-                text: Text(told.text.into()),
+                text: Text::new(told.text.into()),
             }
         }
     })

@@ -75,23 +75,23 @@ impl Kind {
     /// bytes, which is its length in MAVLink 1; `v2_min_len`: the shortest
     /// payload worth having in MAVLink 2, where trailing zeros are left out.
     pub(crate) const fn of<M: MessageData>(v1_len: u8, v2_min_len: u8) -> Self {
-        assert!(MIN_PAYLOAD_V1 <= v1_len as usize && v1_len as usize <= M::ENCODED_LEN);
-        Self {
-            v1_len,
-            ..Self::only_v2::<M>(v2_min_len)
-        }
-    }
-
-    /// The same, for a kind that is not wanted in MAVLink 1.
-    pub(crate) const fn only_v2<M: MessageData>(v2_min_len: u8) -> Self {
         assert!(M::ENCODED_LEN < Self::NEVER as usize && M::ID <= u8::MAX as u32);
+        assert!(MIN_PAYLOAD_V1 <= v1_len as usize && v1_len as usize <= M::ENCODED_LEN);
         assert!(1 <= v2_min_len && v2_min_len as usize <= M::ENCODED_LEN);
         Self {
             id: M::ID as u8,
             extra: crc::step(0, M::EXTRA_CRC),
-            v1_len: Self::NEVER,
+            v1_len,
             v2_min_len,
             v2_max_len: M::ENCODED_LEN as u8,
+        }
+    }
+
+    /// The same kind, not wanted in MAVLink 1.
+    pub(crate) const fn not_in_v1(self) -> Self {
+        Self {
+            v1_len: Self::NEVER,
+            ..self
         }
     }
 

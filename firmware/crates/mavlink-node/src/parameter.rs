@@ -1,14 +1,22 @@
 //! What a node tells of itself, and cannot be told: its read-only parameters.
 //!
-//! *Purpose.* The names, for both ends of the line; a name as it goes over it.
+//! *Purpose.* The names, for both ends of the line, and which of the values are still
+//! to be sent.
 //!
-//! *Design.* All values are REAL32, MAVLink's common ground: each of ours is a whole
+//! *Design.* A request is noted as a bit for each parameter that it wants, so that
+//! asking twice costs nothing. The values are looked up and sent one at a time, when the
+//! line has room ([`Node::poll`](crate::Node::poll)). All values are REAL32, MAVLink's common ground: each of ours is a whole
 //! number below 2^24, which such a value holds exactly.
 //!
 //! *Limits.* PARAM_SET changes nothing; it is answered with the value that holds, as
 //! MAVLink wants a refusal to be told.
 
 use core::fmt;
+
+use mavlink::dialects::common::{MavParamType, PARAM_VALUE_DATA};
+
+use crate::frame::{Frame, Sender, Version};
+use crate::node::Holdings;
 
 /// A parameter of a node. Its index over MAVLink is its place here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,14 +75,63 @@ impl Parameter {
     }
 }
 
+/// The parameters that are still to be sent.
+#[derive(Debug)]
+pub(crate) struct Wanted {
+    version: Version,
+    /// A bit for each, by index.
+    bits: u8,
+}
+
+const _: () = assert!(Parameter::ALL.len() <= u8::BITS as usize);
+
+impl Wanted {
+    pub(crate) const NONE: Self = Self {
+        version: Version::V1,
+        bits: 0,
+    };
+
+    pub(crate) const fn all(&mut self, version: Version) {
+        self.version = version;
+        self.bits = (1 << Parameter::ALL.len()) - 1;
+    }
+
+    pub(crate) const fn one(&mut self, version: Version, parameter: Parameter) {
+        self.version = version;
+        self.bits |= 1 << parameter.index();
+    }
+
+    pub(crate) const fn is_none(&self) -> bool {
+        self.bits == 0
+    }
+
+    pub(crate) fn poll(&mut self, sender: &mut Sender, holdings: &impl Holdings) -> Option<Frame> {
+        let index = self.bits.trailing_zeros();
+        let parameter = *Parameter::ALL.get(index as usize)?;
+        self.bits &= !(1 << index);
+        let value = PARAM_VALUE_DATA {
+            param_value: holdings.parameter(parameter),
+            param_count: Parameter::ALL.len() as u16,
+            param_index: parameter.index(),
+            param_id: Name::from(parameter.name()).0.into(),
+            param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
+        };
+        Some(sender.message(self.version, &value))
+    }
+}
+
 /// A short text as MAVLink carries it: up to `N` bytes, zeros behind a shorter one.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub struct Text<const N: usize>(pub(crate) [u8; N]);
+pub struct Text<const N: usize>([u8; N]);
 
 /// The name of a parameter.
 pub type Name = Text<16>;
 
 impl<const N: usize> Text<N> {
+    pub(crate) const fn new(bytes: [u8; N]) -> Self {
+        Self(bytes)
+    }
+
     /// The text; what comes before the first byte that is not UTF-8.
     #[must_use]
     pub fn as_str(&self) -> &str {

@@ -36,11 +36,8 @@ pub(crate) const LONGEST: usize = 44;
 /// A configuration frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Setting {
-    /// CFG-PRT: UART1, 8N1, UBX in and out.
-    Port {
-        /// Its rate.
-        baud: u32,
-    },
+    /// CFG-PRT: UART1 at our rate, 8N1, UBX in and out.
+    Port,
     /// CFG-RATE: a solution every 200 ms, aligned to UTC.
     Rate,
     /// CFG-MSG: NAV-PVT at every solution, on the port that hears it.
@@ -62,7 +59,7 @@ impl Setting {
     #[must_use]
     pub const fn message(self) -> (u8, u8) {
         let id = match self {
-            Self::Port { .. } => 0x00,
+            Self::Port => 0x00,
             Self::Rate => 0x08,
             Self::Message | Self::Forecasts { .. } => 0x01,
             Self::Navigation => 0x24,
@@ -71,10 +68,10 @@ impl Setting {
         (0x06, id)
     }
 
-    /// Writes the frame to `buffer` and says its length.
-    pub(crate) fn write(self, buffer: &mut [u8; LONGEST]) -> usize {
+    /// Writes the frame to `buffer` and says its length; `baud` is our rate.
+    pub(crate) fn write(self, baud: u32, buffer: &mut [u8; LONGEST]) -> usize {
         match self {
-            Self::Port { baud } => put(buffer, &port(baud)),
+            Self::Port => put(buffer, &port(baud)),
             Self::Rate => put(
                 buffer,
                 &CfgRateBuilder {
@@ -173,7 +170,7 @@ mod tests {
     fn frames_are_right_to_the_byte() {
         let known: [(Setting, &[u8]); 7] = [
             (
-                Setting::Port { baud: BAUD },
+                Setting::Port,
                 b"\xb5\x62\x06\x00\x14\x00\x01\x00\x00\x00\xd0\x08\x00\x00\x00\xc2\x01\x00\
                   \x01\x00\x01\x00\x00\x00\x00\x00\xb8\x42",
             ),
@@ -207,7 +204,7 @@ mod tests {
         ];
         for (setting, expected) in known {
             let mut buffer = [0; LONGEST];
-            let length = setting.write(&mut buffer);
+            let length = setting.write(BAUD, &mut buffer);
             assert_eq!(buffer.get(..length), Some(expected), "{setting:?}");
             let (class, id) = setting.message();
             assert_eq!(expected.get(2..4), Some(&[class, id][..]));

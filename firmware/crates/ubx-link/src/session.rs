@@ -202,7 +202,7 @@ impl Session {
                 State::Knock => {
                     self.state = State::Knocking;
                     count(&mut self.counters.attempts);
-                    return Some(self.transmit(Setting::Port { baud: self.ours }));
+                    return Some(self.transmit(Setting::Port));
                 }
                 State::Return => {
                     let until = now.plus(SETTLE);
@@ -363,7 +363,7 @@ impl Session {
     }
 
     fn transmit(&mut self, setting: Setting) -> Action<'_> {
-        let length = setting.write(&mut self.buffer);
+        let length = setting.write(self.ours, &mut self.buffer);
         Action::Transmit(self.buffer.get(..length).unwrap_or_default())
     }
 }

@@ -24,11 +24,11 @@ use indicatif::ProgressBar;
 use mavlink_node::client::Client;
 use mavlink_node::{Address, Version};
 use testbed::{
-    Boards, Conversation, Keeper, Options, Place, Receivers, Record, Run, Schedule, Way, progress,
+    Boards, Conversation, Keeper, Options, Place, Record, Run, Schedule, Way, progress,
 };
 use timebase::{Stamp, StampedByte};
 use virtual_pixhawk::{Builder, Connector, Firmware, Gaps, Script};
-use world::{Latency, Pulses, Receiver, ReceiverSettings, Transmission, WorldNanos};
+use world::{Pulses, Receiver, ReceiverSettings, Transmission, WorldNanos};
 
 const SECOND: u64 = 1_000_000_000;
 /// 2026-11-22T04:00:00Z: UTC when the first board may get power.
@@ -197,11 +197,7 @@ impl Lab {
         let receiver = ReceiverSettings {
             seed: rng.u64(..),
             crystal_ppb: rng.i32(-RECEIVER_PPB..=RECEIVER_PPB),
-            latency: match options.receiver {
-                Receivers::M8 => Latency::m8(),
-                Receivers::F9 => Latency::f9(),
-                Receivers::Harsh => Latency::harsh_m8(),
-            },
+            latency: options.receiver.latency(),
             ..ReceiverSettings::new(START_UTC_NS + power_ns.cast_signed())
         };
         let schedule = Schedule {

@@ -11,6 +11,8 @@ mod clock;
 #[cfg(test)]
 mod common;
 #[cfg(test)]
+mod paper;
+#[cfg(test)]
 mod pulse;
 #[cfg(test)]
 mod steering;

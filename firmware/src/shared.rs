@@ -18,6 +18,7 @@ use timebase::Cycles;
 use ubx_link::{Fix, LinkCounters, SessionCounters};
 use utc_clock::{ClockState, Ppb, Published, Reading, Source};
 
+use crate::drivers::card::CardErrors;
 use crate::drivers::pulse::EdgeCounters;
 use crate::drivers::time;
 use crate::drivers::uart::LineErrors;
@@ -32,6 +33,9 @@ pub static GNSS: Report<GnssReport> = Report::new();
 
 /// The last report of the MAVLink task.
 pub static MAVLINK: Report<MavlinkReport> = Report::new();
+
+/// What has gone wrong with the card, since thread level last used it.
+pub static CARD: Report<CardErrors> = Report::new();
 
 /// What the clock did that others should hear of.
 pub static NEWS: Channel<CriticalSectionRawMutex, News, 4> = Channel::new();
@@ -80,15 +84,21 @@ fn seen(when: Cycles) -> Cycles {
     }
 }
 
-/// The node's time at `when`, for MAVLink.
+/// The clock at `when`, and the time that the node tells of it.
 #[inline(never)]
-pub fn node_time(when: Cycles) -> NodeTime {
+pub fn told_at(when: Cycles) -> (NodeTime, Reading) {
     let when = seen(when);
     let reading = CLOCK.reading_at(when);
-    NodeTime {
+    let time = NodeTime {
         boot_us: when.as_micros(),
         utc_ns: (reading.state != ClockState::Unset).then_some(reading.utc.0),
-    }
+    };
+    (time, reading)
+}
+
+/// The node's time at `when`, for MAVLink.
+pub fn node_time(when: Cycles) -> NodeTime {
+    told_at(when).0
 }
 
 /// What the GNSS task has counted and seen.

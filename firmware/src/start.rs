@@ -29,6 +29,7 @@ fn main() -> ! {
         mavlink: (mavlink_reader, mavlink_writer),
         pulse,
         samples,
+        card,
         led,
     } = board::init();
     SAMPLES.open(samples);
@@ -45,7 +46,7 @@ fn main() -> ! {
     spawn(&patient, status::run());
     #[cfg(feature = "bench")]
     spawn(&patient, crate::bench::run());
-    storage::run()
+    storage::run(card)
 }
 
 /// The log's first lines: what this image is. In the paper's ways also who interrupts whom, as it

@@ -1,9 +1,19 @@
 //! Thread level: the log of a test goes to the SD card, when it is asked for.
 //!
-//! *Design.* What may block does so below every interrupt. Whatever happens to the card, the log stays
-//! in memory, and asking again tries again.
+//! *Design.* What may block does so below every interrupt. The card is found anew each time, so it may
+//! have been put in a moment ago; what is on it is [`card_file`]'s business. Whatever happens to it, the
+//! log stays in memory, and asking again tries again. The file's time is our clock's, in UTC.
 
-use crate::shared::{NEWS, News};
+use card_file::{BLOCK, Disk, DiskError};
+use sample_log::csv;
+use timebase::CORE_HZ;
+use utc_clock::{ClockState, calendar};
+
+use crate::drivers::card::{Card, CardError};
+use crate::drivers::sdio::BusError;
+use crate::drivers::time;
+use crate::samples::SAMPLES;
+use crate::shared::{CARD, CLOCK, NEWS, News};
 use crate::{board, samples};
 
 /// Why a log is not on the card.
@@ -11,16 +21,121 @@ use crate::{board, samples};
 pub enum NotSaved {
     /// This board has no slot for one.
     NoSlot,
+    /// There is no card in it.
+    NoCard,
+    /// It has no FAT16 or FAT32 volume in its first partition, or a damaged one.
+    NotFat,
+    /// It is write-protected.
+    WriteProtected,
+    /// It has no room, or no number, for the file.
+    Full,
+    /// It has been pulled, or another one has been put in.
+    Pulled,
+    /// It fails.
+    Failed,
+    /// A new test has begun meanwhile: the log is that test's.
+    Cleared,
+}
+
+impl From<card_file::NotSaved> for NotSaved {
+    fn from(why: card_file::NotSaved) -> Self {
+        use card_file::NotSaved as Why;
+        match why {
+            Why::NotFat => Self::NotFat,
+            Why::WriteProtected => Self::WriteProtected,
+            Why::Full => Self::Full,
+            Why::Gone => Self::Pulled,
+            Why::Failed => Self::Failed,
+            Why::Short => Self::Cleared,
+        }
+    }
 }
 
 /// Runs for ever.
-pub fn run() -> ! {
+pub fn run(mut slot: Option<Card>) -> ! {
     loop {
         board::sleep_until(samples::is_save_wanted);
         samples::begin_save();
-        let why = NotSaved::NoSlot;
-        defmt::warn!("the log is not saved: {}", why);
+        let began = time::now();
+        let saved = slot.as_mut().map_or(Err(NotSaved::NoSlot), save);
+        let took_us = time::now().since(began) / i64::from(CORE_HZ / 1_000_000);
+        if let Some(card) = &slot {
+            CARD.tell(card.errors());
+        }
+        let news = match saved {
+            Ok((file, samples)) => {
+                defmt::info!(
+                    "the log is saved: file {=u16}, samples {=u32}, took {=i64} us",
+                    file,
+                    samples,
+                    took_us
+                );
+                News::Saved { file, samples }
+            }
+            Err(why) => {
+                defmt::warn!("the log is not saved: {}, took {=i64} us", why, took_us);
+                News::NotSaved(why)
+            }
+        };
         // A full queue means that nobody listens; the log has it.
-        let _ = NEWS.try_send(News::NotSaved(why));
+        let _ = NEWS.try_send(news);
+    }
+}
+
+/// Writes the log to whatever card is there; the number of the file, and its samples.
+#[inline(never)]
+fn save(card: &mut Card) -> Result<(u16, u32), NotSaved> {
+    let samples = SAMPLES.len();
+    let saved = match card.find() {
+        Err(CardError::Bus(BusError::Silent)) => Err(NotSaved::NoCard),
+        Err(_) => Err(NotSaved::Failed),
+        Ok(()) if card.is_write_protected() => Err(NotSaved::WriteProtected),
+        Ok(()) => card_file::save(card, csv::file_len(samples), &mut read_frozen, utc())
+            .map(|file| (file, samples))
+            .map_err(NotSaved::from),
+    };
+    card.release();
+    saved
+}
+
+/// A stretch of the log's file; nothing, once a new test has begun.
+#[inline(never)]
+fn read_frozen(offset: u32, out: &mut [u8]) -> usize {
+    let made = SAMPLES.read(offset, out);
+    if SAMPLES.with(|log| log.is_frozen()) {
+        made
+    } else {
+        0
+    }
+}
+
+fn utc() -> Option<timebase::CivilTime> {
+    let reading = CLOCK.reading_at(time::now());
+    match reading.state {
+        ClockState::Unset => None,
+        ClockState::Set | ClockState::Holdover => calendar::from_utc(reading.utc),
+    }
+}
+
+impl Disk for Card {
+    fn read(&mut self, number: u32, block: &mut [u8; BLOCK]) -> Result<(), DiskError> {
+        Card::read(self, number, block).map_err(disk_error)
+    }
+
+    fn write(&mut self, number: u32, block: &[u8; BLOCK]) -> Result<(), DiskError> {
+        Card::write(self, number, block).map_err(disk_error)
+    }
+
+    fn blocks(&self) -> u32 {
+        Card::blocks(self)
+    }
+}
+
+fn disk_error(error: CardError) -> DiskError {
+    match error {
+        CardError::Bus(BusError::Silent) | CardError::Changed => DiskError::Gone,
+        CardError::WriteProtected => DiskError::WriteProtected,
+        CardError::Beyond => DiskError::Beyond,
+        CardError::Bus(_) | CardError::Refused(_) | CardError::Busy => DiskError::Failed,
     }
 }

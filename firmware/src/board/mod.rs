@@ -13,7 +13,9 @@ use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::{Enable as _, Reset as _};
 use stm32f4xx_hal::serial::Serial;
 
+use crate::drivers::card::Card;
 use crate::drivers::pulse::{self, Pulse};
+use crate::drivers::sdio::{Pins, Sdio};
 use crate::drivers::time;
 use crate::drivers::uart::{Reader, Writer};
 use crate::{priorities, settings};
@@ -46,6 +48,8 @@ pub struct Board {
     pub pulse: Pulse,
     /// The log of a test, empty.
     pub samples: SampleLog<'static>,
+    /// The slot of the SD card.
+    pub card: Option<Card>,
     /// The amber LED, lit when low.
     pub led: ErasedPin<Output<OpenDrain>>,
 }
@@ -114,6 +118,15 @@ pub fn init() -> Board {
         .pe12
         .into_open_drain_output_in_state(PinState::High)
         .erase();
+    let gpioc = chip.GPIOC.split(&mut rcc);
+    let card = this::HAS_CARD_SLOT.then(|| {
+        let pins = Pins {
+            data: (gpioc.pc8, gpioc.pc9, gpioc.pc10, gpioc.pc11),
+            clock: gpioc.pc12,
+            command: gpiod.pd2,
+        };
+        Card::new(Sdio::new(chip.SDIO, chip.DMA2, pins, &mut rcc))
+    });
     // SAFETY: nobody comes here a second time, since the peripherals are taken once.
     let samples = unsafe { spare::samples() };
     Board {
@@ -121,6 +134,7 @@ pub fn init() -> Board {
         mavlink,
         pulse,
         samples,
+        card,
         led,
     }
 }

@@ -9,6 +9,9 @@ use stm32f4xx_hal::rcc::{Config, Rcc};
 /// The board's name, for the log.
 pub const NAME: &str = "pixhawk1";
 
+/// Whether there is a slot for an SD card.
+pub const HAS_CARD_SLOT: bool = true;
+
 /// TIM5 counts the timer clock of APB1 as it is,
 pub const WITNESS_PRESCALER: u16 = 0;
 /// which is half the core's (RM0090, section 6.2): core cycles a count.

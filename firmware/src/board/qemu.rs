@@ -9,6 +9,9 @@ use stm32f4xx_hal::rcc::{Config, Rcc};
 /// The board's name, for the log.
 pub const NAME: &str = "qemu";
 
+/// Whether there is a slot for an SD card: QEMU has no model of SDIO.
+pub const HAS_CARD_SLOT: bool = false;
+
 /// TIM5 counts 1 GHz / 125 = 8 MHz,
 pub const WITNESS_PRESCALER: u16 = 124;
 /// which is 21 core cycles a count.

@@ -8,9 +8,10 @@ use defmt::{Format, Formatter};
 use embassy_time::{Duration, Ticker};
 use utc_clock::{ClockState, Reading, Source, calendar};
 
+use crate::drivers::card::CardErrors;
 use crate::drivers::time;
 use crate::settings::WAY_NAME;
-use crate::shared::{self, GNSS, GnssReport, MAVLINK, MavlinkReport};
+use crate::shared::{self, CARD, GNSS, GnssReport, MAVLINK, MavlinkReport};
 
 /// Runs for ever, on the patient executor.
 #[embassy_executor::task]
@@ -28,7 +29,7 @@ fn log() {
     let mavlink = MAVLINK.get();
     let clock = gnss.map(|report| report.clock).unwrap_or_default();
     defmt::info!(
-        "status way={=str} state={} source={} utc={} unc_ns={=u32} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}",
+        "status way={=str} state={} source={} utc={} unc_ns={=u32} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}{}",
         WAY_NAME,
         State(reading.state),
         From(gnss.map(|report| report.source).unwrap_or_default()),
@@ -43,6 +44,7 @@ fn log() {
         Clock(clock),
         Gnss(gnss),
         Mavlink(mavlink),
+        Slot(CARD.get()),
     );
 }
 
@@ -96,10 +98,21 @@ struct Mavlink(Option<MavlinkReport>);
 impl Format for Mavlink {
     fn format(&self, f: Formatter) {
         let Some(report) = self.0 else { return };
-        nonzero!(f, report.node, "mav_": timesyncs, commands, answers, for_others);
+        nonzero!(f, report.node, "mav_": timesyncs, commands, parameters, logs, unknown, answers,
+            for_others);
         nonzero!(f, report.node.framing, "mav_": crc_failures, abandoned, unknown_flags, signed,
             foreign_bytes);
         nonzero!(f, report.line, "mav_": overrun, framing, noise, incoming_full, outgoing_full);
+    }
+}
+
+/// What went wrong with the card.
+struct Slot(Option<CardErrors>);
+
+impl Format for Slot {
+    fn format(&self, f: Formatter) {
+        let Some(errors) = self.0 else { return };
+        nonzero!(f, errors, "card_": silent, crc, timeout, fifo, refused);
     }
 }
 

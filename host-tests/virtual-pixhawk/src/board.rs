@@ -8,7 +8,7 @@
 //! instructions a second as it has cycles, so that one instruction is one cycle.
 //!
 //! *Limits.* The error is rounded to whole Hz of HSE (41.7 ppb) and stays as it is
-//! for the whole run. No SD card, no FRAM, no sensors: a firmware that talks to one
+//! for the whole run. No FRAM, no sensors: a firmware that talks to one
 //! of them finds nothing there. The core counts at 168 MHz from its first
 //! instruction, also before the firmware has started the PLL.
 
@@ -20,6 +20,7 @@ use rigless::mcu::{Mcu, Operate as _};
 use rigless::snapshot::Store;
 use rigless::soc::stm32f427::Stm32f427;
 
+use crate::card::{Card, Slot};
 use crate::meter::Meter;
 use crate::pulse_wire::PulseWire;
 use crate::wire::Wire;
@@ -47,12 +48,13 @@ impl Store for Pixhawk1 {}
 
 impl Pixhawk1 {
     /// A board whose crystal is `crystal_ppb` off, with what hangs on its serial
-    /// ports and on AUX5.
+    /// ports, on AUX5 and in the card's slot.
     pub(crate) fn new(
         crystal_ppb: i32,
         gps: Wire,
         telem1: Wire,
         pulse: PulseWire,
+        card: Option<Card>,
         meter: Meter,
     ) -> anyhow::Result<Self> {
         let hse_hz = hse_hz(crystal_ppb);
@@ -61,12 +63,18 @@ impl Pixhawk1 {
         mcu.set_supply(SUPPLY_MV);
         mcu.usart[GPS].attach(gps);
         mcu.usart[TELEM1].attach(telem1);
+        mcu.sdio.attach(Slot(card));
         Ok(Self {
             mcu,
             pulse,
             hse_hz,
             meter,
         })
+    }
+
+    /// The card's slot.
+    pub(crate) fn slot(&mut self) -> Option<&mut Option<Card>> {
+        self.mcu.sdio.card_mut::<Slot>().map(|slot| &mut slot.0)
     }
 
     /// What hangs on serial port `nth`, and whether the board listens there, at

@@ -6,7 +6,7 @@
 //! *Design.* `rigless` emulates the part; this crate is the one place that knows it. A [`Builder`]
 //! takes the [`Firmware`], the crystal's error and a [`Talker`](world::Talker) for each connector:
 //! a simulated receiver or a recording, a [`Script`] or a [`TcpLine`]; and the pulse that belongs
-//! to the receiver. A [`Pixhawk`] is brought from moment to moment, its log, its statics and what
+//! to the receiver; and a [`Card`] in the slot. A [`Pixhawk`] is brought from moment to moment, its log, its statics and what
 //! it has sent are read where it stands, and a meter counts what it executes. [`Gaps`] says how far
 //! a run can be believed.
 //!
@@ -15,6 +15,7 @@
 //! hardware flow control have no model. The crystal does not wander during a run.
 
 mod board;
+mod card;
 mod clock;
 mod gaps;
 mod image;
@@ -29,6 +30,7 @@ mod tcp;
 mod waveform;
 mod wire;
 
+pub use card::{Card, Fault, Transfer};
 pub use clock::ClockReading;
 pub use gaps::Gaps;
 pub use image::{Firmware, IMAGE_VARIABLE, Symbol};

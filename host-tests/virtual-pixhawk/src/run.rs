@@ -23,6 +23,7 @@ use rigless::time::VirtualNanos;
 use world::{Pulse, Sent, Talker, WorldNanos};
 
 use crate::board::{GPS, Pixhawk1, TELEM1};
+use crate::card::Card;
 use crate::gaps::Gaps;
 use crate::image::Firmware;
 use crate::meter::{Meter, Profile};
@@ -56,6 +57,7 @@ pub struct Builder {
     gps: Box<dyn Talker + Send>,
     telem1: Box<dyn Talker + Send>,
     pulse: PulseWire,
+    card: Option<Card>,
 }
 
 /// A virtual Pixhawk 1 that runs an image.
@@ -79,6 +81,7 @@ impl Builder {
             gps: Box::new(Script::default()),
             telem1: Box::new(Script::default()),
             pulse: PulseWire::new(std::iter::empty()),
+            card: None,
         }
     }
 
@@ -111,6 +114,13 @@ impl Builder {
         self
     }
 
+    /// Puts `card` into the slot.
+    #[must_use]
+    pub fn card(mut self, card: Card) -> Self {
+        self.card = Some(card);
+        self
+    }
+
     /// Gives it power. It stands at the world's start, before its first instruction.
     ///
     /// # Errors
@@ -123,6 +133,7 @@ impl Builder {
             gps,
             telem1,
             pulse,
+            card,
         } = self;
         let meter = Meter::default();
         let log = Log::new(&firmware)?;
@@ -131,6 +142,7 @@ impl Builder {
             Wire::new(gps),
             Wire::new(telem1),
             pulse,
+            card,
             meter.clone(),
         )?;
         let images = firmware.flash()?;
@@ -251,6 +263,19 @@ impl Pixhawk {
     /// The emulator gave up.
     pub fn truth(&mut self) -> anyhow::Result<Vec<Sent>> {
         self.wire(Connector::Gps, |wire| wire.truth())
+    }
+
+    /// Changes the card in the slot; the one that was there.
+    ///
+    /// # Errors
+    ///
+    /// The emulator gave up.
+    pub fn swap_card(&mut self, card: Option<Card>) -> anyhow::Result<Option<Card>> {
+        self.order(|stopped| {
+            let slot = stopped.session.board_mut().slot();
+            slot.map(|slot| std::mem::replace(slot, card))
+        })?
+        .context("the board has no slot")
     }
 
     /// Where the firmware went beyond the emulator's models.

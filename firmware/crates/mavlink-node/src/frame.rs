@@ -7,7 +7,7 @@
 //! left out but for the first byte (MAVLink guide, "Packet serialization"). The
 //! header is written in front of the payload, which `mavlink` puts in its place.
 //!
-//! *Limits.* Nothing is signed. The longest message here is STATUSTEXT.
+//! *Limits.* Nothing is signed. The longest message here is LOG_DATA.
 
 use core::ops::Deref;
 
@@ -26,8 +26,8 @@ pub(crate) const HEADER_V2: usize = 10;
 /// The two bytes after the payload.
 pub(crate) const CRC_LEN: usize = 2;
 
-/// The longest payload that is sent: STATUSTEXT in MAVLink 2.
-const MAX_PAYLOAD: usize = 54;
+/// The longest payload that is sent, in bytes: LOG_DATA.
+const MAX_PAYLOAD: usize = 97;
 
 /// The version of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -23,12 +23,15 @@
 //! possible length follow each other: at most at every second byte. A candidate
 //! of MAVLink 1 needs a magic, a length and an id, values of which none can stand
 //! for another, so that no two candidates share one of these bytes: there is at
-//! most one in three bytes, `FE 0E 04` repeated. A candidate of MAVLink 2 needs a
+//! most one in three bytes, `FE 0E 04` repeated. (PARAM_REQUEST_READ, with length 20
+//! and id 20, and PARAM_SET, with 23 and 23, would make it one in two bytes. They are
+//! not wanted in MAVLink 1; that no others of the kind come in is checked where the
+//! image is built.) A candidate of MAVLink 2 needs a
 //! magic, a length, and zeros where the next candidates would have theirs, which
 //! leaves room for one in five. Measured, with the bytes taken out of a queue,
 //! on a Cortex-M4: 40 instructions a byte of text, 73 a byte of the worst stream.
 //!
-//! *Limits.* Frames of at most [`MAX_LENGTH`] bytes. A frame inside the payload
+//! *Limits.* Payloads of at most [`MAX_PAYLOAD`] bytes, unless told otherwise. A frame inside the payload
 //! of an unwanted one (a tunnel) is found too. Positions are counted modulo
 //! 2^32.
 
@@ -40,14 +43,12 @@ use timebase::{Stamp, StampedByte};
 use crate::crc;
 use crate::frame::{Address, CRC_LEN, HEADER_V1, HEADER_V2, MAGIC_V1, MAGIC_V2, Version};
 
-/// The longest payload of a wanted kind, in bytes: COMMAND_INT.
+/// The longest payload that a node wants, in bytes: COMMAND_INT.
 pub const MAX_PAYLOAD: usize = 35;
 
-/// The shortest payload that a wanted kind has in MAVLink 1, in bytes: HEARTBEAT.
-const MIN_PAYLOAD_V1: usize = 9;
-
-/// The longest frame of a wanted kind without its signature, in bytes.
-pub const MAX_LENGTH: usize = HEADER_V2 + MAX_PAYLOAD + CRC_LEN;
+/// The shortest payload that a wanted kind has in MAVLink 1, in bytes:
+/// PARAM_REQUEST_LIST, LOG_ERASE and LOG_REQUEST_END.
+const MIN_PAYLOAD_V1: usize = 2;
 
 /// The incompatibility flag of a signed frame; any other one is unknown here.
 const SIGNED: u8 = 0x01;
@@ -55,14 +56,7 @@ const SIGNED: u8 = 0x01;
 /// Bytes of a signature after the frame's checksum.
 const SIGNATURE_LEN: usize = 13;
 
-/// How many positions have a cell: a power of two. The bytes of the longest frame
-/// that is arriving are there, and the ends of candidates that begin in it.
-const RING: usize = 128;
-
-const _: () = {
-    assert!(RING >= 2 * MAX_LENGTH && MAX_LENGTH - CRC_LEN <= crc::MAX_ZEROS);
-    assert!(HEADER_V1 + MIN_PAYLOAD_V1 >= crc::MIN_ZEROS && HEADER_V2 >= crc::MIN_ZEROS);
-};
+const _: () = assert!(HEADER_V1 + MIN_PAYLOAD_V1 >= crc::MIN_ZEROS && HEADER_V2 >= crc::MIN_ZEROS);
 
 /// One kind of frame that is looked for.
 #[derive(Clone, Copy, Debug)]
@@ -70,18 +64,23 @@ pub struct Kind {
     id: u8,
     /// What CRC_EXTRA adds to the running checksum.
     extra: u16,
+    /// [`Self::NEVER`] for a kind that is wanted in MAVLink 2 only.
     v1_len: u8,
     v2_min_len: u8,
     v2_max_len: u8,
 }
 
 impl Kind {
+    /// A length that no payload has here.
+    const NEVER: u8 = u8::MAX;
+
     /// The kind of message `M`. `v1_len`: its payload without extensions, in
     /// bytes, which is its length in MAVLink 1; `v2_min_len`: the shortest
     /// payload worth having in MAVLink 2, where trailing zeros are left out.
     pub(crate) const fn of<M: MessageData>(v1_len: u8, v2_min_len: u8) -> Self {
-        assert!(M::ENCODED_LEN <= MAX_PAYLOAD && M::ID <= u8::MAX as u32);
+        assert!(M::ENCODED_LEN < Self::NEVER as usize && M::ID <= u8::MAX as u32);
         assert!(MIN_PAYLOAD_V1 <= v1_len as usize && v1_len as usize <= M::ENCODED_LEN);
+        assert!(1 <= v2_min_len && v2_min_len as usize <= M::ENCODED_LEN);
         Self {
             id: M::ID as u8,
             extra: crc::step(0, M::EXTRA_CRC),
@@ -89,6 +88,18 @@ impl Kind {
             v2_min_len,
             v2_max_len: M::ENCODED_LEN as u8,
         }
+    }
+
+    /// The same kind, not wanted in MAVLink 1.
+    pub(crate) const fn not_in_v1(self) -> Self {
+        Self {
+            v1_len: Self::NEVER,
+            ..self
+        }
+    }
+
+    const fn is_in_v1(self) -> bool {
+        self.v1_len != Self::NEVER
     }
 
     #[inline]
@@ -106,9 +117,38 @@ pub trait Wanted {
     const KINDS: &'static [Kind];
 }
 
+/// For each id its place in `kinds`; a place behind them all for one that is not
+/// wanted. So a kind is found in the same few steps however many there are.
+#[expect(
+    clippy::indexing_slicing,
+    reason = "made at compile time, where a panic is an error"
+)]
+const fn places(kinds: &[Kind], longest: usize) -> [u8; 256] {
+    assert!(kinds.len() < 256);
+    let mut places = [u8::MAX; 256];
+    let mut place = 0;
+    while place < kinds.len() {
+        let Kind { id, v2_max_len, .. } = kinds[place];
+        assert!(places[id as usize] == u8::MAX && v2_max_len as usize <= longest);
+        places[id as usize] = place as u8;
+        let mut other = 0;
+        while other < kinds.len() {
+            // See *Cost* above.
+            assert!(
+                !kinds[place].is_in_v1()
+                    || kinds[place].v1_len != kinds[other].id
+                    || !kinds[other].is_in_v1()
+            );
+            other += 1;
+        }
+        place += 1;
+    }
+    places
+}
+
 /// An intact frame, its checksum held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Delimited {
+pub struct Delimited<const PAYLOAD: usize = MAX_PAYLOAD> {
     /// The stamp of its first byte.
     pub stamp: Stamp,
     /// The version that it is in.
@@ -120,7 +160,7 @@ pub struct Delimited {
     /// Its message id.
     pub id: u8,
     /// Its payload, extended with zeros.
-    pub payload: [u8; MAX_PAYLOAD],
+    pub payload: [u8; PAYLOAD],
 }
 
 /// What a framer has met. All wrap.
@@ -154,12 +194,14 @@ impl FramingCounters {
     };
 }
 
-/// Looks for the frames that `W` wants.
+/// Looks for the frames that `W` wants, with payloads of up to `PAYLOAD` bytes.
+/// `RING` positions have a cell, a power of two: the bytes of the longest frame
+/// that is arriving are there, and the ends of candidates that begin in it.
 #[derive(Debug)]
-pub struct Framer<W> {
-    cells: Ring<Cell>,
+pub struct Framer<W, const PAYLOAD: usize = MAX_PAYLOAD, const RING: usize = 128> {
+    cells: Ring<Cell, RING>,
     /// By start of a candidate: another one with the same end.
-    displaced: Ring<Candidate>,
+    displaced: Ring<Candidate, RING>,
     /// How many bytes have come: the position of the next one.
     position: u32,
     /// The running checksum after the last byte.
@@ -250,13 +292,21 @@ const fn remainder(crc: u16, own: [u8; 2]) -> u16 {
     crc ^ crc::step(0, own[0]) ^ u16::from_le_bytes(own)
 }
 
-impl<W: Wanted> Default for Framer<W> {
+impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Default for Framer<W, PAYLOAD, RING> {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl<W: Wanted> Framer<W> {
+impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Framer<W, PAYLOAD, RING> {
+    /// The longest frame of a wanted kind without its signature, in bytes.
+    const MAX_LENGTH: usize = HEADER_V2 + PAYLOAD + CRC_LEN;
+
+    const PLACES: [u8; 256] = {
+        assert!(RING.is_power_of_two() && RING >= 2 * Self::MAX_LENGTH);
+        places(W::KINDS, PAYLOAD)
+    };
+
     /// A framer that has heard nothing.
     #[must_use]
     pub const fn new() -> Self {
@@ -302,7 +352,7 @@ impl<W: Wanted> Framer<W> {
         self.crc = crc::step(before, byte);
         self.last = byte;
         self.position = self.position.wrapping_add(1);
-        if last >= MAGIC_V2 && byte <= MAX_PAYLOAD as u8 {
+        if last >= MAGIC_V2 && byte <= PAYLOAD as u8 {
             self.note_start(last);
         }
         if due.word.0 < Word::END {
@@ -384,13 +434,16 @@ impl<W: Wanted> Framer<W> {
     fn consider(&mut self, version: Version, header_len: usize, start: u32, id: u8) {
         let second = self.cells.at(start.wrapping_add(1)).word;
         let len = second.byte();
-        let Some(extra) = W::KINDS
-            .iter()
-            .find(|kind| kind.id == id && kind.can_have(version, len))
-            .map(|kind| kind.extra)
+        let places = const { &Self::PLACES };
+        let Some(kind) = places
+            .get(usize::from(id))
+            .and_then(|&place| W::KINDS.get(usize::from(place)))
         else {
             return;
         };
+        if !kind.can_have(version, len) {
+            return;
+        }
         if version == Version::V2 && self.byte(start.wrapping_add(2)) & !SIGNED != 0 {
             self.counters.unknown_flags = self.counters.unknown_flags.wrapping_add(1);
             return;
@@ -399,7 +452,14 @@ impl<W: Wanted> Framer<W> {
         // after the payload and the extra byte is known but for the payload:
         // that is what the remainder will have to be.
         let length = header_len + usize::from(len) + CRC_LEN;
-        let remainder = crc::zeros(length - CRC_LEN, second.crc() ^ crc::INIT) ^ extra;
+        let zeros = const {
+            if Self::MAX_LENGTH - CRC_LEN <= crc::MAX_ZEROS {
+                crc::zeros
+            } else {
+                crc::many_zeros
+            }
+        };
+        let remainder = zeros(length - CRC_LEN, second.crc() ^ crc::INIT) ^ kind.extra;
 
         let mut candidate = u32::from(remainder) | (length as u32) << 16;
         let end = self.cells.at_mut(start.wrapping_add(length as u32 - 1));
@@ -419,7 +479,7 @@ impl<W: Wanted> Framer<W> {
             self.silent_since = self.position;
             return;
         }
-        for ahead in 0..MAX_LENGTH as u32 {
+        for ahead in 0..Self::MAX_LENGTH as u32 {
             let word = &mut self.cells.at_mut(self.position.wrapping_add(ahead)).word;
             if word.is_due(Word::END) {
                 self.counters.abandoned = self.counters.abandoned.wrapping_add(1);
@@ -432,11 +492,11 @@ impl<W: Wanted> Framer<W> {
     /// Whether `start` lies in a frame that was found, or in its signature.
     const fn is_taken(&self, start: u32) -> bool {
         let ahead = self.free_from.wrapping_sub(start);
-        ahead != 0 && ahead <= (MAX_LENGTH + SIGNATURE_LEN) as u32
+        ahead != 0 && ahead <= (Self::MAX_LENGTH + SIGNATURE_LEN) as u32
     }
 
     /// The frame of `length` bytes that ends with the last byte.
-    pub fn take(&mut self, length: u8) -> Delimited {
+    pub fn take(&mut self, length: u8) -> Delimited<PAYLOAD> {
         let after = self.position;
         let start = after.wrapping_sub(u32::from(length));
         let header = |nth: u32| self.byte(start.wrapping_add(nth));
@@ -455,7 +515,7 @@ impl<W: Wanted> Framer<W> {
             system: header(system),
             component: header(system + 1),
         };
-        let mut payload = [0; MAX_PAYLOAD];
+        let mut payload = [0; PAYLOAD];
         let first = start.wrapping_add(header_len as u32);
         let payload_len = usize::from(length).saturating_sub(header_len + CRC_LEN);
         for (nth, byte) in (0..).zip(payload.iter_mut().take(payload_len)) {
@@ -484,13 +544,13 @@ impl<W: Wanted> Framer<W> {
 
 /// An array that is indexed by position in the stream.
 #[derive(Debug)]
-struct Ring<T>([T; RING]);
+struct Ring<T, const RING: usize>([T; RING]);
 
 #[expect(
     clippy::indexing_slicing,
     reason = "a remainder by the length is below the length"
 )]
-impl<T> Ring<T> {
+impl<T, const RING: usize> Ring<T, RING> {
     #[inline]
     const fn at(&self, position: u32) -> &T {
         &self.0[position as usize % RING]

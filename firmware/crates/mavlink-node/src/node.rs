@@ -1,29 +1,40 @@
 //! The node: which frames ask for something, and what is answered.
 //!
 //! *Purpose.* [`Node::receive`] turns bytes into [`Request`]s, [`Node::answer`]
-//! turns a request and the time of its arrival into the frame to send.
+//! turns a request and the time of its arrival into the frame to send. What takes more
+//! than a frame (parameters, the log) is sent by and by: [`Node::poll`].
 //!
 //! *Design.* In two steps, because between them the caller reads the clock at
-//! [`Request::arrival`]. A PING is a request when its target system is 0: the
+//! [`Request::arrival`], and acts on a request that is to change something. Requests
+//! for parameters and for the log are noted and not handed out: they cost no more
+//! than that, however fast they come, and `poll` has their frames when the caller
+//! finds room on the line. A PING is a request when its target system is 0: the
 //! component is not looked at, since pymavlink's own is 0. A PING with a target is
 //! an answer, whoever it is for, and answering one would make loops. A TIMESYNC is
 //! a request when `tc1` is 0 and it is for us or for everybody. A command to us is
-//! answered with UNSUPPORTED, from its raw payload, so that a number which no
-//! enum knows is answered too. Each answer is in the version of its request.
+//! obeyed or refused, see [`command`](crate::Command). Each answer is in the version of
+//! its request.
 //!
-//! *Limits.* A command to system 0 (everybody) is nobody's to refuse: it is not
-//! answered.
+//! *Limits.* Everything but PING and TIMESYNC must name our system: a command to
+//! system 0 (everybody) is nobody's to refuse. PARAM_REQUEST_READ and PARAM_SET are
+//! heard in MAVLink 2 only, where [`framer`](crate::framer) has why.
 
 use mavlink::MavlinkVersion::V2;
 use mavlink::MessageData;
 use mavlink::dialects::common::{
-    COMMAND_ACK_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, MavResult, TIMESYNC_DATA,
+    COMMAND_INT_DATA, COMMAND_LONG_DATA, LOG_ERASE_DATA, LOG_REQUEST_DATA_DATA,
+    LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA,
+    PARAM_SET_DATA, TIMESYNC_DATA,
 };
 use timebase::{CORE_HZ, Cycles, StampedByte};
 
+use crate::command::{Command, Test};
 use crate::frame::{Address, Frame, Sender, Version};
 use crate::framer::{Delimited, Framer, FramingCounters, Kind, Wanted};
+use crate::log_transfer::{LOG_ID, LogTransfer};
+use crate::parameter::{self, Name, Parameter};
 use crate::ping::Ping;
+use crate::telling::Severity;
 
 /// How a node behaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,7 +114,7 @@ impl NodeTime {
 
 /// A thousandth, rounded down: long division by digits of 16 bits, because a
 /// division of 64 bits is a library call of hundreds of instructions here.
-fn per_thousand(n: u64) -> u64 {
+pub(crate) fn per_thousand(n: u64) -> u64 {
     let (mut quotient, mut rest) = (0, 0);
     for shift in [48, 32, 16, 0] {
         let part = (rest << 16) | ((n >> shift) as u32 & 0xffff);
@@ -141,11 +152,27 @@ pub enum Ask {
         /// The sender's time, in ns of its own clock; returned bit for bit.
         ts1: i64,
     },
-    /// COMMAND_LONG or COMMAND_INT.
-    Command {
-        /// MAV_CMD, whether known or not.
-        number: u16,
-    },
+    /// COMMAND_LONG or COMMAND_INT: a test begins or ends, or a refusal. A test is to
+    /// begin or end before this is answered.
+    Command(Command),
+    /// LOG_ERASE: the log is to be cleared before this is answered.
+    EraseLog,
+}
+
+/// Where a node finds what it is asked for.
+pub trait Holdings {
+    /// The value of a parameter.
+    fn parameter(&self, parameter: Parameter) -> f32;
+
+    /// The length of the log's file, in bytes.
+    fn log_len(&self) -> u32;
+
+    /// When the log was begun, in ns of UTC since 1970, if it was and that is known.
+    fn log_began_ns(&self) -> Option<i64>;
+
+    /// Fills `out` with the log's file from `offset` on. The number of bytes: fewer
+    /// than there is room for at its end.
+    fn read_log(&self, offset: u32, out: &mut [u8]) -> usize;
 }
 
 /// What a node has heard, by kind. All wrap.
@@ -155,11 +182,17 @@ pub struct Counters {
     pub pings: u32,
     /// TIMESYNCs handed out to be answered.
     pub timesyncs: u32,
-    /// Commands handed out to be refused.
+    /// Commands to us, handed out.
     pub commands: u32,
+    /// Requests for parameters.
+    pub parameters: u32,
+    /// Requests about the log.
+    pub logs: u32,
+    /// Requests for a parameter or a log that is not there, among these.
+    pub unknown: u32,
     /// Answers to a PING or a TIMESYNC, whoever they are for: never answered.
     pub answers: u32,
-    /// TIMESYNCs and commands to somebody else.
+    /// TIMESYNCs, commands and requests to somebody else.
     pub for_others: u32,
     /// What the framing met.
     pub framing: FramingCounters,
@@ -172,18 +205,42 @@ pub struct Requests;
 /// How much later than `now` a byte may be stamped, in cycles: 1 s.
 const AFTER_NOW: u64 = CORE_HZ as u64;
 
-/// Command number, target system and target component stand at the same place in
-/// COMMAND_LONG and COMMAND_INT, behind seven words of parameters.
-const COMMAND_NUMBER: usize = 28;
-const COMMAND_TARGET: usize = 30;
+/// Where a request names its target: system, then component.
+const fn target_at(id: u32) -> usize {
+    match id {
+        COMMAND_INT_DATA::ID | COMMAND_LONG_DATA::ID => 30,
+        LOG_REQUEST_DATA_DATA::ID => 10,
+        LOG_REQUEST_LIST_DATA::ID | PARAM_SET_DATA::ID => 4,
+        PARAM_REQUEST_READ_DATA::ID => 2,
+        // PARAM_REQUEST_LIST, LOG_ERASE, LOG_REQUEST_END.
+        _ => 0,
+    }
+}
+
+/// Where PARAM_SET has the name.
+const PARAM_SET_NAME: usize = 6;
+
+/// A kind of request with a target. In MAVLink 2 it is worth having only up to the
+/// target's system: one whose target is left out as a zero is not for us.
+const fn targeted<M: MessageData>() -> Kind {
+    Kind::of::<M>(M::ENCODED_LEN as u8, target_at(M::ID) as u8 + 1)
+}
 
 impl Wanted for Requests {
-    // A command whose target is left out as a zero is not for us.
     const KINDS: &'static [Kind] = &[
         Ping::KIND,
         Kind::of::<TIMESYNC_DATA>(16, 1),
-        Kind::of::<COMMAND_LONG_DATA>(33, COMMAND_TARGET as u8 + 1),
-        Kind::of::<COMMAND_INT_DATA>(35, COMMAND_TARGET as u8 + 1),
+        targeted::<COMMAND_LONG_DATA>(),
+        targeted::<COMMAND_INT_DATA>(),
+        targeted::<PARAM_REQUEST_LIST_DATA>(),
+        targeted::<LOG_REQUEST_LIST_DATA>(),
+        targeted::<LOG_REQUEST_DATA_DATA>(),
+        targeted::<LOG_ERASE_DATA>(),
+        targeted::<LOG_REQUEST_END_DATA>(),
+        // Their lengths in MAVLink 1 are also ids of parameter messages: see the
+        // framer's *Cost*.
+        targeted::<PARAM_REQUEST_READ_DATA>().not_in_v1(),
+        targeted::<PARAM_SET_DATA>().not_in_v1(),
     ];
 }
 
@@ -195,6 +252,8 @@ pub struct Node {
     ping_reply: PingReply,
     /// The version in which the node speaks unasked.
     pub(crate) version: Version,
+    parameters: parameter::Wanted,
+    log: LogTransfer,
     counters: Counters,
 }
 
@@ -210,10 +269,15 @@ impl Node {
             }),
             ping_reply: config.ping_reply,
             version: Version::V1,
+            parameters: parameter::Wanted::NONE,
+            log: LogTransfer::NONE,
             counters: Counters {
                 pings: 0,
                 timesyncs: 0,
                 commands: 0,
+                parameters: 0,
+                logs: 0,
+                unknown: 0,
                 answers: 0,
                 for_others: 0,
                 framing: FramingCounters::ZERO,
@@ -238,7 +302,7 @@ impl Node {
     /// Takes a byte that was stamped at most 24 s before `now`, or up to 1 s after it
     /// (while the queue was emptied for which `now` was read). A request is to be
     /// answered with [`Self::answer`]; where there is no room for an answer, it
-    /// may be dropped.
+    /// may be dropped. After each call [`Self::poll`] may have something to send.
     #[inline]
     pub fn receive(&mut self, byte: StampedByte, now: Cycles) -> Option<Request> {
         match self.framer.push(byte) {
@@ -266,7 +330,7 @@ impl Node {
         let us = self.sender.address();
         let (ask, count) = match u32::from(frame.id) {
             Ping::ID => {
-                let ping = Ping::parse(frame)?;
+                let ping = Ping::parse(&frame.payload)?;
                 let ask = Ask::Ping {
                     time_usec: ping.time_usec,
                     seq: ping.seq,
@@ -289,19 +353,74 @@ impl Node {
                     _ => (None, &mut counters.answers),
                 }
             }
-            _ => {
-                let [low, high, system, component] =
-                    *frame.payload.get(COMMAND_NUMBER..)?.first_chunk()?;
-                let number = u16::from_le_bytes([low, high]);
-                if system == us.system && (component == 0 || component == us.component) {
-                    (Some(Ask::Command { number }), &mut counters.commands)
-                } else {
-                    (None, &mut counters.for_others)
-                }
-            }
+            _ => return self.targeted(frame),
         };
         *count = count.wrapping_add(1);
         ask
+    }
+
+    /// A request that names its target.
+    #[inline(never)]
+    fn targeted(&mut self, frame: &Delimited) -> Option<Ask> {
+        let (payload, version, id) = (&frame.payload, frame.version, u32::from(frame.id));
+        let us = self.sender.address();
+        let counters = &mut self.counters;
+        let [system, component] = *payload.get(target_at(id)..)?.first_chunk()?;
+        if system != us.system || (component != 0 && component != us.component) {
+            counters.for_others = counters.for_others.wrapping_add(1);
+            return None;
+        }
+        let count = match id {
+            COMMAND_LONG_DATA::ID | COMMAND_INT_DATA::ID => &mut counters.commands,
+            PARAM_REQUEST_LIST_DATA::ID | PARAM_REQUEST_READ_DATA::ID | PARAM_SET_DATA::ID => {
+                &mut counters.parameters
+            }
+            _ => &mut counters.logs,
+        };
+        *count = count.wrapping_add(1);
+        match id {
+            COMMAND_LONG_DATA::ID | COMMAND_INT_DATA::ID => {
+                let command = Command::parse(payload)?;
+                if command.meaning == Ok(Test::Begins) {
+                    self.log.end();
+                }
+                return Some(Ask::Command(command));
+            }
+            PARAM_REQUEST_LIST_DATA::ID => self.parameters.all(version),
+            PARAM_REQUEST_READ_DATA::ID | PARAM_SET_DATA::ID => match named(id, payload) {
+                Some(parameter) => self.parameters.one(version, parameter),
+                None => counters.unknown = counters.unknown.wrapping_add(1),
+            },
+            LOG_REQUEST_LIST_DATA::ID => self.log.want_entry(version),
+            LOG_REQUEST_DATA_DATA::ID => {
+                let request = LOG_REQUEST_DATA_DATA::deser(V2, payload).ok()?;
+                match request.id {
+                    LOG_ID => self.log.want(version, request.ofs, request.count),
+                    _ => counters.unknown = counters.unknown.wrapping_add(1),
+                }
+            }
+            LOG_REQUEST_END_DATA::ID => self.log.end(),
+            _ => {
+                self.log.end();
+                return Some(Ask::EraseLog);
+            }
+        }
+        None
+    }
+
+    /// Whether [`Self::poll`] has something to send.
+    #[must_use]
+    pub const fn has_more(&self) -> bool {
+        !self.parameters.is_none() || !self.log.is_done()
+    }
+
+    /// The next frame of what was asked for and takes more than one. To be called
+    /// while nothing more urgent waits for the line.
+    #[inline(never)]
+    pub fn poll(&mut self, holdings: &impl Holdings) -> Option<Frame> {
+        self.parameters
+            .poll(&mut self.sender, holdings)
+            .or_else(|| self.log.poll(&mut self.sender, holdings))
     }
 
     /// The answer to `request`; `time` is the node's time at its arrival.
@@ -327,41 +446,21 @@ impl Node {
                 };
                 self.sender.message(version, &answer)
             }
-            Ask::Command { number } => self.refuse(version, from, number),
+            Ask::Command(command) => command.ack(&mut self.sender, version, from),
+            Ask::EraseLog => self.statustext(Severity::Notice, "log erased"),
         }
     }
+}
 
-    /// COMMAND_ACK UNSUPPORTED. Built by hand, because the type in `mavlink` can
-    /// only name the commands that it knows.
-    fn refuse(&mut self, version: Version, from: Address, number: u16) -> Frame {
-        let (id, crc_extra) = (COMMAND_ACK_DATA::ID as u8, COMMAND_ACK_DATA::EXTRA_CRC);
-        let [low, high] = number.to_le_bytes();
-        let result = MavResult::MAV_RESULT_UNSUPPORTED as u8;
-        // u16 command, u8 result; extensions: u8 progress, i32 result_param2,
-        // u8 target_system, u8 target_component.
-        let ack = [
-            low,
-            high,
-            result,
-            0,
-            0,
-            0,
-            0,
-            0,
-            from.system,
-            from.component,
-        ];
-        self.sender.frame(version, id, crc_extra, |payload| {
-            let (room, _) = payload.split_at_mut(ack.len());
-            room.copy_from_slice(&ack);
-            match version {
-                Version::V1 => 3,
-                // Trailing zeros are left out.
-                Version::V2 => ack
-                    .iter()
-                    .rposition(|&byte| byte != 0)
-                    .map_or(1, |last| last + 1),
-            }
-        })
+/// The parameter that PARAM_REQUEST_READ or PARAM_SET names.
+fn named(id: u32, payload: &[u8]) -> Option<Parameter> {
+    if id == PARAM_SET_DATA::ID {
+        let name = payload.get(PARAM_SET_NAME..)?.first_chunk()?;
+        return Parameter::named(Name::new(*name));
+    }
+    let request = PARAM_REQUEST_READ_DATA::deser(V2, payload).ok()?;
+    match usize::try_from(request.param_index) {
+        Ok(index) => Parameter::ALL.get(index).copied(),
+        Err(_) => Parameter::named(Name::new(request.param_id.into())),
     }
 }

@@ -12,7 +12,7 @@ use mavlink::dialects::common::PING_DATA;
 use mavlink::{MavlinkVersion, MessageData};
 
 use crate::frame::{Address, Frame, Sender, Version};
-use crate::framer::{Delimited, Kind};
+use crate::framer::Kind;
 
 /// What a PING says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,8 +29,9 @@ impl Ping {
     pub(crate) const ID: u32 = PING_DATA::ID;
     pub(crate) const KIND: Kind = Kind::of::<PING_DATA>(PING_DATA::ENCODED_LEN as u8, 1);
 
-    pub(crate) fn parse(frame: &Delimited) -> Option<Self> {
-        let ping = PING_DATA::deser(MavlinkVersion::V2, &frame.payload).ok()?;
+    /// From a payload, extended with zeros.
+    pub(crate) fn parse(payload: &[u8]) -> Option<Self> {
+        let ping = PING_DATA::deser(MavlinkVersion::V2, payload).ok()?;
         Some(Self {
             time_usec: ping.time_usec,
             seq: ping.seq,

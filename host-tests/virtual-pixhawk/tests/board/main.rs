@@ -7,6 +7,8 @@
 #[cfg(test)]
 mod boot;
 #[cfg(test)]
+mod card;
+#[cfg(test)]
 mod clock;
 #[cfg(test)]
 mod common;
@@ -18,3 +20,5 @@ mod pulse;
 mod steering;
 #[cfg(test)]
 mod ticks;
+#[cfg(test)]
+mod volume;

@@ -1,0 +1,105 @@
+//! The disk as `embedded-sdmmc` sees it.
+//!
+//! *Design.* Between the file system and the card stands what the library does not promise: a chain
+//! that goes round for ever ends with the number of blocks; nothing is written outside the volume;
+//! and the first failure stays, because the library takes a failure at some places for a full or
+//! an empty card, and would try to put things in order on a card that is gone.
+
+use core::cell::{Cell, RefCell};
+use core::fmt;
+
+use embedded_sdmmc::{Block, BlockCount, BlockDevice, BlockIdx};
+
+use crate::volume::Volume;
+use crate::{Disk, DiskError};
+
+/// So many blocks may be read and written for one file: 16 times what 8 192 samples take with the
+/// smallest clusters.
+const BLOCKS_MAX: u32 = 131_072;
+
+/// Why the file system was stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Failure {
+    /// The disk failed.
+    Disk(DiskError),
+    /// It went round in circles, or out of its volume.
+    Damaged,
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, _: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Nobody prints it; the trait asks for it.
+        Ok(())
+    }
+}
+
+impl core::error::Error for Failure {}
+
+/// A disk with a volume, for one file.
+pub(crate) struct Medium<'a> {
+    disk: RefCell<&'a mut dyn Disk>,
+    volume: Volume,
+    blocks_left: Cell<u32>,
+    failure: Cell<Option<Failure>>,
+}
+
+impl<'a> Medium<'a> {
+    /// `volume` on `disk`.
+    pub(crate) const fn new(disk: &'a mut dyn Disk, volume: Volume) -> Self {
+        Self {
+            disk: RefCell::new(disk),
+            volume,
+            blocks_left: Cell::new(BLOCKS_MAX),
+            failure: Cell::new(None),
+        }
+    }
+
+    /// What stopped it, if something did.
+    pub(crate) fn failure(&self) -> Option<Failure> {
+        self.failure.get()
+    }
+
+    /// Moves a block, unless something has failed before.
+    fn act(
+        &self,
+        is_allowed: bool,
+        act: impl FnOnce(&mut dyn Disk) -> Result<(), DiskError>,
+    ) -> Result<(), Failure> {
+        if let Some(failure) = self.failure.get() {
+            return Err(failure);
+        }
+        let left = self.blocks_left.get();
+        self.blocks_left.set(left.saturating_sub(1));
+        let result = match self.disk.try_borrow_mut() {
+            Ok(mut disk) if is_allowed && left > 0 => act(*disk).map_err(Failure::Disk),
+            _ => Err(Failure::Damaged),
+        };
+        self.failure.set(result.err());
+        result
+    }
+}
+
+impl BlockDevice for Medium<'_> {
+    type Error = Failure;
+
+    fn read(&self, blocks: &mut [Block], first: BlockIdx) -> Result<(), Failure> {
+        for (number, block) in (first.0..).zip(blocks) {
+            self.act(true, |disk| disk.read(number, block))?;
+            self.volume.without_hint(number, block);
+        }
+        Ok(())
+    }
+
+    fn write(&self, blocks: &[Block], first: BlockIdx) -> Result<(), Failure> {
+        for (number, block) in (first.0..).zip(blocks) {
+            self.act(self.volume.contains(number), |disk| {
+                disk.write(number, block)
+            })?;
+        }
+        Ok(())
+    }
+
+    fn num_blocks(&self) -> Result<BlockCount, Failure> {
+        Ok(BlockCount(self.disk.borrow().blocks()))
+    }
+}

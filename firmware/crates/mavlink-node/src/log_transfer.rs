@@ -1,0 +1,100 @@
+//! The log over MAVLink: LOG_ENTRY when it is asked for, LOG_DATA piece by piece.
+//!
+//! *Purpose.* What is wanted of the log and has not been sent yet.
+//!
+//! *Design.* A request is noted; the frames are made one at a time, when the line has
+//! room ([`Node::poll`](crate::Node::poll)). A new request for data takes the place of
+//! the one before, so that a client which missed a piece asks for it and goes on. Where
+//! the log ends is looked up for each piece, since it may grow or be cleared meanwhile.
+//! What lies behind its end is answered with a piece of no bytes, which says so.
+//!
+//! *Limits.* There is one log, number 1, and it is listed even when it is empty.
+
+use mavlink::dialects::common::{LOG_DATA_DATA, LOG_ENTRY_DATA};
+
+use crate::client::LOG_DATA_LEN;
+use crate::frame::{Frame, Sender, Version};
+use crate::node::{Holdings, per_thousand};
+
+/// The number of the log.
+pub(crate) const LOG_ID: u16 = 1;
+
+/// What is still to be sent.
+#[derive(Debug)]
+pub(crate) struct LogTransfer {
+    version: Version,
+    entry_is_wanted: bool,
+    stretch: Option<Stretch>,
+}
+
+/// The bytes that are still wanted, those that the log does not have included.
+#[derive(Clone, Copy, Debug)]
+struct Stretch {
+    next: u32,
+    end: u32,
+}
+
+impl LogTransfer {
+    pub(crate) const NONE: Self = Self {
+        version: Version::V1,
+        entry_is_wanted: false,
+        stretch: None,
+    };
+
+    pub(crate) const fn want_entry(&mut self, version: Version) {
+        self.version = version;
+        self.entry_is_wanted = true;
+    }
+
+    pub(crate) const fn want(&mut self, version: Version, offset: u32, count: u32) {
+        self.version = version;
+        self.stretch = Some(Stretch {
+            next: offset,
+            end: offset.saturating_add(count),
+        });
+    }
+
+    pub(crate) const fn end(&mut self) {
+        self.stretch = None;
+    }
+
+    pub(crate) const fn is_done(&self) -> bool {
+        !self.entry_is_wanted && self.stretch.is_none()
+    }
+
+    pub(crate) fn poll(&mut self, sender: &mut Sender, holdings: &impl Holdings) -> Option<Frame> {
+        if self.entry_is_wanted {
+            self.entry_is_wanted = false;
+            return Some(sender.message(self.version, &entry(holdings)));
+        }
+        let Stretch { next, end } = self.stretch?;
+        let mut data = [0; LOG_DATA_LEN];
+        let wanted = end.saturating_sub(next).min(LOG_DATA_LEN as u32);
+        let room = data.get_mut(..wanted as usize).unwrap_or_default();
+        let count = holdings.read_log(next, room).min(LOG_DATA_LEN) as u32;
+        let next_after = next.saturating_add(count);
+        let goes_on = count > 0 && next_after < end.min(holdings.log_len());
+        self.stretch = goes_on.then_some(Stretch {
+            next: next_after,
+            end,
+        });
+        let piece = LOG_DATA_DATA {
+            ofs: next,
+            id: LOG_ID,
+            count: count as u8,
+            data,
+        };
+        Some(sender.message(self.version, &piece))
+    }
+}
+
+fn entry(holdings: &impl Holdings) -> LOG_ENTRY_DATA {
+    let began_ns = u64::try_from(holdings.log_began_ns().unwrap_or(0)).unwrap_or(0);
+    LOG_ENTRY_DATA {
+        time_utc: per_thousand(per_thousand(per_thousand(began_ns))) as u32,
+        size: holdings.log_len(),
+        id: LOG_ID,
+        num_logs: LOG_ID,
+        last_log_num: LOG_ID,
+    }
+}

@@ -1,0 +1,145 @@
+//! How an experiment ends.
+//!
+//! *Purpose.* Runs are kept as they come, and at the end all of it is written, told and
+//! judged, in one manner for virtual and for real boards.
+//!
+//! *Design.* [`Keeper`] holds the runs and the folder. A file that cannot be written ends
+//! nothing: what was measured is written to the system's folder for temporary files at
+//! the end, and both are said.
+//!
+//! *Limits.* It prints to standard output, and what is wrong to standard error.
+
+use std::fmt::Write as _;
+use std::process::ExitCode;
+
+use anyhow::Result;
+
+use crate::files::{Folder, summary};
+use crate::options::Options;
+use crate::report::{told, told_estimate};
+use crate::run::{Experiment, Place, Run};
+use crate::{bounds, report};
+
+/// The runs of an experiment while they are made.
+#[derive(Debug)]
+pub struct Keeper {
+    folder: Folder,
+    experiment: Experiment,
+    not_written: Option<anyhow::Error>,
+}
+
+impl Keeper {
+    /// One that keeps the runs of the experiment that `options` ask for.
+    ///
+    /// # Errors
+    ///
+    /// When the folder for the results takes no file.
+    pub fn new(
+        options: &Options,
+        place: Place,
+        conditions: Vec<(&'static str, String)>,
+    ) -> Result<Self> {
+        Ok(Self {
+            folder: Folder::create(&options.out)?,
+            experiment: Experiment {
+                command: options.command(),
+                place,
+                conditions,
+                runs: Vec::new(),
+                cut_short: None,
+            },
+            not_written: None,
+        })
+    }
+
+    /// Keeps a run.
+    pub fn keep(&mut self, run: Run) {
+        if let Err(error) = self.folder.write_run(&run) {
+            self.not_written.get_or_insert(error);
+        }
+        self.experiment.runs.push(run);
+    }
+
+    /// Says why there are no more runs.
+    pub fn cut_short(&mut self, why: &str) {
+        self.experiment.cut_short.get_or_insert(why.to_owned());
+    }
+
+    /// Writes, tells and judges. The exit code says whether everything went well.
+    ///
+    /// # Errors
+    ///
+    /// When nothing can be written anywhere, or a figure cannot be drawn.
+    pub fn end(self, options: &Options, by_ctrl_c: bool) -> Result<ExitCode> {
+        let Self {
+            folder,
+            experiment,
+            mut not_written,
+        } = self;
+        if let Err(error) = folder.write_summary(&experiment) {
+            not_written.get_or_insert(error);
+        }
+        if options.json {
+            println!("{:#}", summary(&experiment));
+        } else {
+            print!("{}", text(&experiment));
+        }
+        for run in &experiment.runs {
+            for (board, trouble) in run.troubles() {
+                eprintln!("{}, seed {}: {board}: {trouble}", run.way, run.seed);
+            }
+        }
+        if let Some(why) = &experiment.cut_short {
+            eprintln!("ended before its time: {why}; what was measured until then is kept");
+        }
+        let mut kept_in = folder.path().to_owned();
+        if let Some(error) = &not_written {
+            kept_in = Folder::rescue(&experiment)?;
+            eprintln!("{error:#}; everything was written to {} instead", kept_in.display());
+        }
+        if !options.json {
+            println!("the report: {}", kept_in.join("report.html").display());
+        }
+        let broken = bounds::judge(&experiment).iter().any(|bound| !bound.holds);
+        let spoiled = experiment.runs.iter().any(|run| run.troubles().next().is_some())
+            || experiment.runs.iter().any(|run| run.spread().is_none());
+        let went_well = not_written.is_none()
+            && !spoiled
+            && (by_ctrl_c || experiment.cut_short.is_none())
+            && !(options.check && broken);
+        Ok(ExitCode::from(u8::from(!went_well)))
+    }
+}
+
+/// The table, for a terminal.
+#[must_use]
+pub fn text(experiment: &Experiment) -> String {
+    let mut out = format!(
+        "{:<20} {:>9} {:>22} {:>9} {:>9} {:>8}\n",
+        "way", "paper", "mean difference", "95 %", "largest", "pairs"
+    );
+    for way in experiment.ways() {
+        let paper = way.paper_ms().map_or_else(String::new, |ms| format!("{ms:.2} ms"));
+        let mean = experiment.estimate(way).map_or_else(|| "no pair".to_owned(), told_estimate);
+        let spread = experiment.spread(way);
+        let size = |pick: fn(&crate::Spread) -> u64| {
+            spread.as_ref().map_or_else(String::new, |spread| told(pick(spread) as f64))
+        };
+        let _ = writeln!(
+            out,
+            "{:<20} {paper:>9} {mean:>22} {:>9} {:>9} {:>8}",
+            way.to_string(),
+            size(|spread| spread.p95),
+            size(|spread| spread.max),
+            spread.as_ref().map_or(0, |spread| spread.count),
+        );
+    }
+    if experiment.place != Place::Virtual {
+        let _ = write!(out, "{}", report::noise_text(experiment));
+    }
+    for bound in bounds::judge(experiment) {
+        let verdict = if bound.holds { "holds" } else { "BROKEN" };
+        let _ = writeln!(out, "{verdict}: {} (measured: {})", bound.text, bound.measured);
+    }
+    out
+}

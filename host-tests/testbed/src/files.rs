@@ -1,0 +1,241 @@
+//! The folder with the results.
+//!
+//! *Purpose.* Every sample of every board, every difference, the summary and the
+//! report, as files that other programs open.
+//!
+//! *Design.* `WAY/seed-N/samples-1.csv` (a file a board) and `difference.csv` beside
+//! them are written as soon as a run is over, `summary.json` and `report.html` at the
+//! end. Nothing in them depends on the hour or on the machine. When a file cannot be
+//! written, the others still are; and all of it goes to the system's folder for
+//! temporary files instead, if that takes it.
+//!
+//! *Limits.* Files of an earlier experiment in the same folder are overwritten where
+//! they have the same name, and stay where they have not.
+
+use std::fs::{self, File};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result};
+use serde_json::{Value, json};
+
+use crate::run::{Experiment, Run};
+use crate::statistics::{Estimate, Spread};
+use crate::{bounds, report};
+
+/// Where results go.
+#[derive(Debug)]
+pub struct Folder {
+    path: PathBuf,
+}
+
+impl Folder {
+    /// The folder `path`, made if it is not there.
+    ///
+    /// # Errors
+    ///
+    /// When it cannot be made, or takes no file.
+    pub fn create(path: &Path) -> Result<Self> {
+        let probe = path.join("summary.json");
+        fs::create_dir_all(path)
+            .and_then(|()| fs::write(&probe, "{}\n"))
+            .with_context(|| {
+                format!(
+                    "no results can be written to {}; name another folder with --out",
+                    path.display()
+                )
+            })?;
+        Ok(Self {
+            path: path.to_owned(),
+        })
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Writes a run's samples and differences.
+    ///
+    /// # Errors
+    ///
+    /// Names the first file that could not be written; the others are.
+    pub fn write_run(&self, run: &Run) -> Result<()> {
+        let folder = self.path.join(run.way.folder());
+        let folder = folder.join(format!("seed-{}", run.seed));
+        let mut written = fs::create_dir_all(&folder).map_err(Into::into);
+        for number in 1..=run.records.len() {
+            let file = folder.join(format!("samples-{number}.csv"));
+            written = written.and(write_csv(&file, |csv| samples(csv, run, number - 1)));
+        }
+        let file = folder.join("difference.csv");
+        written.and(write_csv(&file, |csv| differences(csv, run)))
+    }
+
+    /// Writes summary and report.
+    ///
+    /// # Errors
+    ///
+    /// Names the first file that could not be written; the other is.
+    pub fn write_summary(&self, experiment: &Experiment) -> Result<()> {
+        let summary = format!("{:#}\n", summary(experiment));
+        let summary = write(&self.path.join("summary.json"), summary.as_bytes());
+        let report = report::html(experiment)?;
+        summary.and(write(&self.path.join("report.html"), report.as_bytes()))
+    }
+
+    /// Writes all of it once more, into the system's folder for temporary files.
+    ///
+    /// # Errors
+    ///
+    /// When that cannot be written either.
+    pub fn rescue(experiment: &Experiment) -> Result<PathBuf> {
+        let name = format!("pixclock-testbed-{}", std::process::id());
+        let folder = Self::create(&std::env::temp_dir().join(name))?;
+        for run in &experiment.runs {
+            folder.write_run(run)?;
+        }
+        folder.write_summary(experiment)?;
+        Ok(folder.path)
+    }
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    File::create(path)
+        .and_then(|mut file| file.write_all(bytes))
+        .with_context(|| cannot_write(path))
+}
+
+fn cannot_write(path: &Path) -> String {
+    format!("cannot write {}", path.display())
+}
+
+fn write_csv(
+    path: &Path,
+    rows: impl FnOnce(&mut csv::Writer<Vec<u8>>) -> csv::Result<()>,
+) -> Result<()> {
+    let mut csv = csv::Writer::from_writer(Vec::new());
+    rows(&mut csv)?;
+    let bytes = csv.into_inner().map_err(|error| error.into_error())?;
+    write(path, &bytes)
+}
+
+fn samples(csv: &mut csv::Writer<Vec<u8>>, run: &Run, board: usize) -> csv::Result<()> {
+    csv.write_record([
+        "sequence",
+        "sent_ns",
+        "board_time_us",
+        "round_trip_ns",
+        "error_to_utc_ns",
+        "verdict",
+    ])?;
+    for sample in run.records.get(board).iter().flat_map(|record| &record.samples) {
+        let error = sample.error_ns.map(|ns| ns.to_string());
+        csv.write_record([
+            sample.sequence.to_string(),
+            sample.sent_ns.to_string(),
+            sample.board_us.to_string(),
+            sample.round_trip_ns.to_string(),
+            error.unwrap_or_default(),
+            sample.verdict.to_string(),
+        ])?;
+    }
+    Ok(())
+}
+
+fn differences(csv: &mut csv::Writer<Vec<u8>>, run: &Run) -> csv::Result<()> {
+    csv.write_record(["sequence", "sent_ns", "board", "less_board_1_ns"])?;
+    for difference in run.differences() {
+        csv.write_record([
+            difference.sequence.to_string(),
+            difference.at_ns.to_string(),
+            (difference.board + 1).to_string(),
+            difference.ns.to_string(),
+        ])?;
+    }
+    Ok(())
+}
+
+/// The summary: what was asked for, and each way's figures, in ns.
+#[must_use]
+pub fn summary(experiment: &Experiment) -> Value {
+    let ways: Vec<Value> = experiment
+        .ways()
+        .into_iter()
+        .map(|way| {
+            let runs: Vec<Value> = experiment.runs_of(way).map(run_value).collect();
+            json!({
+                "way": way.to_string(),
+                "paper_mean_ns": way.paper_ms().map(|ms| (ms * 1e6).round()),
+                "mean_of_runs": experiment.estimate(way).map(estimate_value),
+                "difference": experiment.spread(way).map(spread_value),
+                "error_to_utc":
+                    experiment.errors(way).into_iter().map(spread_value).collect::<Vec<_>>(),
+                "runs": runs,
+            })
+        })
+        .collect();
+    let conditions: serde_json::Map<_, _> = experiment
+        .conditions
+        .iter()
+        .map(|(name, value)| ((*name).to_owned(), value.clone().into()))
+        .collect();
+    let bounds: Vec<Value> = bounds::judge(experiment)
+        .iter()
+        .map(|bound| json!({ "bound": bound.text, "measured": bound.measured, "holds": bound.holds }))
+        .collect();
+    json!({
+        "command": experiment.command,
+        "conditions": conditions,
+        "cut_short": experiment.cut_short,
+        "ways": ways,
+        "bounds": bounds,
+    })
+}
+
+fn run_value(run: &Run) -> Value {
+    let boards: Vec<Value> = run
+        .records
+        .iter()
+        .map(|record| {
+            let trips = record.samples.iter().map(|sample| sample.round_trip_ns);
+            let delays = record.send_delays_ns.iter().copied();
+            json!({
+                "name": record.name,
+                "asked": record.asked,
+                "answered": record.samples.len(),
+                "used": record.good().count(),
+                "round_trip": Spread::of(trips).map(spread_value),
+                "send_delay": Spread::of(delays).map(spread_value),
+                "troubles": record.troubles.iter().map(ToString::to_string).collect::<Vec<_>>(),
+            })
+        })
+        .collect();
+    json!({
+        "seed": run.seed,
+        "lasted_s": run.lasted_s,
+        "difference": run.spread().map(spread_value),
+        "late_ns": run.late_ns,
+        "boards": boards,
+    })
+}
+
+fn spread_value(spread: Spread) -> Value {
+    json!({
+        "count": spread.count,
+        "mean_ns": spread.mean,
+        "p50_ns": spread.p50,
+        "p95_ns": spread.p95,
+        "p99_ns": spread.p99,
+        "max_ns": spread.max,
+    })
+}
+
+fn estimate_value(estimate: Estimate) -> Value {
+    json!({
+        "mean_ns": estimate.mean,
+        "confidence_95_ns": estimate.half_width,
+        "runs": estimate.runs,
+    })
+}

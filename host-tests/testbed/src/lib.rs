@@ -1,0 +1,37 @@
+//! The paper's experiment, whoever the boards are.
+//!
+//! *Purpose.* Shim, Joo and Kim (2021) sent PINGs to two flight controllers at once and
+//! looked how far their times were apart. Here is what that takes beside the boards:
+//! which [`Way`]s there are, when to ask ([`Schedule`]), what was said
+//! ([`Conversation`]), which answers belong together, what it comes to, and the files
+//! and the page that tell it.
+//!
+//! *Design.* Nothing here does I/O with a board or knows the time: the program that runs
+//! virtual boards and the verb that talks to real ones feed it alike.
+//!
+//! *Limits.* A difference is seen through answers to PINGs, which have whole µs; the
+//! boards' own logs have ns.
+
+pub mod bounds;
+mod ending;
+mod files;
+mod options;
+mod pairing;
+mod plot;
+pub mod progress;
+mod record;
+mod report;
+mod run;
+mod schedule;
+mod statistics;
+mod way;
+
+pub use ending::{Keeper, text};
+pub use files::{Folder, summary};
+pub use options::{Boards, Crystals, Options, Receivers};
+pub use pairing::{Difference, differences, set_aside_late};
+pub use record::{Conversation, EARLIEST_UTC_US, Record, SILENCE_NS, Sample, Trouble, Verdict};
+pub use run::{Experiment, Place, Run};
+pub use schedule::Schedule;
+pub use statistics::{Estimate, Spread};
+pub use way::{Image, Way};

@@ -1,0 +1,142 @@
+//! Which samples belong together, and how far they are apart.
+//!
+//! *Purpose.* The difference between two boards' times at the same PING.
+//!
+//! *Design.* Samples are paired by the PING's number. Where a host sends, two PINGs of
+//! one number do not leave at quite the same moment: the difference of their sending
+//! times is taken off. A PING whose round trip was long may have waited on its way to
+//! the board, so that its moment of arrival is not known: [`set_aside_late`] takes those
+//! out, board by board. Every board is held against the first.
+//!
+//! *Limits.* What both ways have in common, and a difference between the two boards'
+//! ways there that is always the same, no round trip tells.
+
+use comparison::spread::quantile;
+
+use crate::record::{Record, Sample, Verdict};
+
+/// A round trip is late when it exceeds the least by more than so many times what half
+/// of them exceed it by.
+const LATE: i64 = 4;
+/// A round trip that is within so many ns of the least is never late: the time that a
+/// byte takes at 115200 baud.
+const NEVER_LATE_NS: i64 = 86_806;
+
+/// How far a board was from the first at one PING.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Difference {
+    /// The PING's number.
+    pub sequence: u32,
+    /// When it left for the first board, in ns since the test's start.
+    pub at_ns: i64,
+    /// The board, counted from 0; never 0.
+    pub board: usize,
+    /// Its time less the first's, in ns.
+    pub ns: i64,
+}
+
+/// Every difference between good samples, in the order of their PINGs.
+#[must_use]
+pub fn differences(records: &[Record]) -> Vec<Difference> {
+    let Some((first, others)) = records.split_first() else {
+        return Vec::new();
+    };
+    let mut found = Vec::new();
+    for (board, other) in (1..).zip(others) {
+        let mut theirs = other.good().peekable();
+        for ours in first.good() {
+            while theirs.next_if(|s| s.sequence < ours.sequence).is_some() {}
+            if let Some(theirs) = theirs.next_if(|s| s.sequence == ours.sequence) {
+                found.push(difference(board, ours, theirs));
+            }
+        }
+    }
+    found.sort_by_key(|difference| (difference.sequence, difference.board));
+    found
+}
+
+fn difference(board: usize, ours: &Sample, theirs: &Sample) -> Difference {
+    let told_us = theirs.board_us.cast_signed() - ours.board_us.cast_signed();
+    Difference {
+        sequence: ours.sequence,
+        at_ns: ours.sent_ns,
+        board,
+        ns: told_us * 1_000 - (theirs.sent_ns - ours.sent_ns),
+    }
+}
+
+/// Marks the samples whose round trip was too long, and tells the limit, in ns; none
+/// without a sample.
+pub fn set_aside_late(record: &mut Record) -> Option<i64> {
+    let mut trips: Vec<i64> = record.good().map(|sample| sample.round_trip_ns).collect();
+    trips.sort_unstable();
+    let least = *trips.first()?;
+    let median = quantile(&trips, 0.5)?;
+    let limit = least + (LATE * (median - least)).max(NEVER_LATE_NS);
+    for sample in &mut record.samples {
+        if sample.verdict == Verdict::Good && sample.round_trip_ns > limit {
+            sample.verdict = Verdict::Late;
+        }
+    }
+    Some(limit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample(sequence: u32, sent_ns: i64, board_us: u64) -> Sample {
+        Sample {
+            sequence,
+            sent_ns,
+            board_us,
+            round_trip_ns: 1_000_000,
+            error_ns: None,
+            verdict: Verdict::Good,
+        }
+    }
+
+    fn record(samples: Vec<Sample>) -> Record {
+        Record {
+            samples,
+            ..Record::default()
+        }
+    }
+
+    #[test]
+    fn pairs_are_those_of_one_number_whatever_is_missing_elsewhere() {
+        let first = record([0, 1, 3, 4].map(|n| sample(n, 0, 1_000)).to_vec());
+        let mut second = record([1, 2, 3, 5].map(|n| sample(n, 0, 1_010)).to_vec());
+        let third = record([4, 5].map(|n| sample(n, 0, 990)).to_vec());
+        second.samples[2].verdict = Verdict::NotSet;
+        let found: Vec<_> = differences(&[first, second, third])
+            .iter()
+            .map(|d| (d.sequence, d.board, d.ns))
+            .collect();
+        assert_eq!(found, [(1, 1, 10_000), (4, 2, -10_000)]);
+        assert_eq!(differences(&[]), []);
+    }
+
+    #[test]
+    fn what_left_later_was_expected_to_be_later() {
+        let first = record(vec![sample(0, 0, 5_000)]);
+        let second = record(vec![sample(0, 250_000, 5_260)]);
+        assert_eq!(differences(&[first, second])[0].ns, 10_000);
+    }
+
+    #[test]
+    fn the_slow_ones_are_set_aside_and_a_steady_line_loses_nothing() {
+        let mut steady = record((0..100).map(|n| sample(n, 0, 0)).collect());
+        for (n, sample) in steady.samples.iter_mut().enumerate() {
+            sample.round_trip_ns += n as i64 * 800;
+        }
+        assert_eq!(set_aside_late(&mut steady), Some(1_156_800));
+        assert_eq!(steady.good().count(), 100);
+        for sample in steady.samples.iter_mut().step_by(10) {
+            sample.round_trip_ns += 5_000_000;
+        }
+        set_aside_late(&mut steady);
+        assert_eq!(steady.good().count(), 90);
+        assert_eq!(set_aside_late(&mut record(Vec::new())), None);
+    }
+}

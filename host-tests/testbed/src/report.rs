@@ -1,0 +1,354 @@
+//! The report: one page for people.
+//!
+//! *Purpose.* The paper's figures redrawn, its table beside ours, how it was measured,
+//! and what it does not say.
+//!
+//! *Design.* One HTML file that needs nothing else: pictures and style are in it, there
+//! is no script, and it fits a phone and black-and-white paper. It holds no date and no
+//! path, so that the same runs make the same page.
+//!
+//! *Limits.* The figures show the first seed, and with more than two boards the second
+//! against the first.
+
+use std::fmt::Write as _;
+
+use anyhow::Result;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use crate::bounds;
+use crate::plot::{self, Level};
+use crate::run::{Experiment, Place, Run};
+use crate::statistics::{Estimate, Spread};
+use crate::way::Way;
+
+const STYLE: &str = include_str!("report.css");
+const MEAN_DASHES: (u32, u32) = (10, 6);
+const PAPER_DASHES: (u32, u32) = (2, 5);
+/// A wide range would flatten the curve: the paper's mean is drawn when it is at most so
+/// many times what we measured.
+const SHOWN_UP_TO: f64 = 10.0;
+
+/// The page.
+///
+/// # Errors
+///
+/// When a figure cannot be drawn.
+pub fn html(experiment: &Experiment) -> Result<String> {
+    let ways = experiment.ways();
+    let figures = ways
+        .iter()
+        .filter_map(|&way| experiment.runs_of(way).next())
+        .map(|run| figure(experiment, run))
+        .collect::<Result<Vec<Markup>>>()?;
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { "pixclock: the paper's experiment" }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                h1 { "How far apart are two flight controllers?" }
+                (introduction(experiment))
+                (troubles(experiment))
+                h2 { "The table" }
+                (table(experiment))
+                @if experiment.place == Place::Virtual { (errors(experiment)) }
+                @else { (noise(experiment)) }
+                h2 { "The figures" }
+                p {
+                    "The size of the difference between the boards at each PING, and its mean \
+                     as a dashed line; where it fits the scale, the paper's mean as a dotted one."
+                }
+                @for figure in &figures { (figure) }
+                h2 { "How it was made" }
+                (how(experiment))
+                @if ways.iter().any(|way| way.is_papers()) {
+                    h2 { "Beside the paper" }
+                    (beside_the_paper(experiment))
+                }
+            }
+        }
+    };
+    Ok(page.into_string() + "\n")
+}
+
+fn introduction(experiment: &Experiment) -> Markup {
+    let boards = match experiment.place {
+        Place::Virtual => "on virtual boards: emulated STM32F427 that run the very images that \
+            are flashed, with simulated receivers. Nothing here was measured on metal",
+        Place::Qemu => "on QEMU, with simulated receivers. Nothing here was measured on metal",
+        Place::Lines => "on boards at lines of this host",
+    };
+    html! {
+        p {
+            "Shim, Joo and Kim (" cite { "Minimizing GPS Clock Synchronization Error for \
+            PX4-Based Unmanned Aircraft" } ", 2021) let a laptop send MAVLink PINGs to two flight \
+            controllers at once. Each notes its own GPS time at a PING's arrival, and the \
+            difference between the two is what their clocks disagree by. This is that \
+            experiment, " (boards) "."
+        }
+    }
+}
+
+fn troubles(experiment: &Experiment) -> Markup {
+    let several = experiment.runs.len() > 1;
+    html! {
+        @if let Some(why) = &experiment.cut_short {
+            p.trouble { "It ended before its time: " (why) ". What was measured until then is here." }
+        }
+        @for run in &experiment.runs {
+            @for (board, trouble) in run.troubles() {
+                p.trouble {
+                    @if several { (run.way) ", seed " (run.seed) ", " }
+                    (board) ": " (trouble) "."
+                }
+            }
+        }
+    }
+}
+
+fn table(experiment: &Experiment) -> Markup {
+    html! {
+        div.scroll { table {
+            thead { tr {
+                th { "way" } th { "the paper’s mean" } th { "our mean" }
+                th { "95 % below" } th { "largest" } th { "pairs" }
+            } }
+            tbody {
+                @for way in experiment.ways() {
+                    tr.ours[!way.is_papers()] {
+                        td { (way.title()) }
+                        td { (way.paper_ms().map_or_else(|| "–".to_owned(), |ms| format!("{ms:.2} ms"))) }
+                        td { (experiment.estimate(way).map_or_else(none, told_estimate)) }
+                        @let spread = experiment.spread(way);
+                        td { (spread.map_or_else(none, |s| told(s.p95 as f64))) }
+                        td { (spread.map_or_else(none, |s| told(s.max as f64))) }
+                        td { (spread.map_or(0, |s| s.count)) }
+                    }
+                }
+            }
+        } }
+        @if experiment.runs.iter().any(|run| run.seed != experiment.runs[0].seed) {
+            p {
+                "± is half the 95 % confidence interval of the mean over the seeds (Student’s t); \
+                 percentiles are over all seeds together."
+            }
+        }
+        p {
+            "The paper has one default. It names unequal baud rates as a cause of its \
+             difference, so ours comes with equal and with unequal ones. "
+            @let missing: usize = experiment.runs.iter().map(Run::missing).sum();
+            @let asked: u32 = experiment.runs.iter().flat_map(|run| &run.records).map(|r| r.asked).sum();
+            (asked) " PINGs were sent, " (missing) " answers are missing."
+        }
+        @let bounds = bounds::judge(experiment);
+        @if !bounds.is_empty() {
+            h3 { "Bounds" }
+            ul { @for bound in &bounds {
+                li { (bound.text) ": " (bound.measured) ", " b { (if bound.holds { "holds" } else { "broken" }) } }
+            } }
+        }
+    }
+}
+
+fn errors(experiment: &Experiment) -> Markup {
+    html! {
+        h3 { "Each board against UTC" }
+        p {
+            "On virtual boards the truth is known. A clock that knows nothing of its receiver’s \
+             latency is late by its floor; between equal receivers that cancels. The pulse has none."
+        }
+        div.scroll { table {
+            thead { tr { th { "way" } th { "board" } th { "mean" } th { "95 % below" } th { "largest" } } }
+            tbody {
+                @for way in experiment.ways() {
+                    @for (number, spread) in (1..).zip(experiment.errors(way)) {
+                        tr {
+                            td { @if number == 1 { (way.title()) } }
+                            td { (number) } (cells(spread))
+                        }
+                    }
+                }
+            }
+        } }
+    }
+}
+
+fn noise(experiment: &Experiment) -> Markup {
+    html! {
+        h3 { "This host’s own noise" }
+        p {
+            "A difference is no better known than the moments at which two PINGs arrived. What \
+             is beyond the least round trip was lost on one of the two ways; late samples were \
+             set aside before the table was made."
+        }
+        div.scroll { table {
+            thead { tr {
+                th { "way" } th { "board" } th { "least round trip" } th { "median" } th { "95 % below" }
+                th { "used up to" } th { "sent late, mean" } th { "at most" }
+            } }
+            tbody {
+                @for run in &experiment.runs {
+                    @for (index, record) in run.records.iter().enumerate() {
+                        @let least = record.samples.iter().map(|s| s.round_trip_ns).min();
+                        @let trips = Spread::of(record.samples.iter().map(|s| s.round_trip_ns));
+                        @let delays = Spread::of(record.send_delays_ns.iter().copied());
+                        tr {
+                            td { @if index == 0 { (run.way.title()) } }
+                            td { (index + 1) }
+                            td { (least.map_or_else(none, |ns| told(ns as f64))) }
+                            td { (trips.map_or_else(none, |s| told(s.p50 as f64))) }
+                            td { (trips.map_or_else(none, |s| told(s.p95 as f64))) }
+                            td { (run.late_ns.get(index).map_or_else(none, |&ns| told(ns as f64))) }
+                            td { (delays.map_or_else(none, |s| told(s.mean))) }
+                            td { (delays.map_or_else(none, |s| told(s.max as f64))) }
+                        }
+                    }
+                }
+            }
+        } }
+    }
+}
+
+/// The same in a line a board, for a terminal.
+pub(crate) fn noise_text(experiment: &Experiment) -> String {
+    let mut out = String::new();
+    for run in &experiment.runs {
+        for record in &run.records {
+            let trips = Spread::of(record.samples.iter().map(|s| s.round_trip_ns));
+            let delays = Spread::of(record.send_delays_ns.iter().copied());
+            let (Some(trips), Some(delays)) = (trips, delays) else {
+                continue;
+            };
+            let _ = writeln!(
+                out,
+                "this host's noise, {}: round trip {} at the median, {} at 95 %; sent {} late on average, {} at most",
+                record.name, told(trips.p50 as f64), told(trips.p95 as f64), told(delays.mean), told(delays.max as f64),
+            );
+        }
+    }
+    out
+}
+
+fn cells(spread: Spread) -> Markup {
+    html! {
+        td { (told(spread.mean)) } td { (told(spread.p95 as f64)) } td { (told(spread.max as f64)) }
+    }
+}
+
+fn figure(experiment: &Experiment, run: &Run) -> Result<Markup> {
+    let mut differences = run.differences();
+    differences.retain(|difference| difference.board == 1);
+    let mut levels = Vec::new();
+    let spread = Spread::of(differences.iter().map(|difference| difference.ns));
+    if let Some(spread) = spread {
+        levels.push(Level {
+            ns: spread.mean,
+            name: format!("mean {}", told(spread.mean)),
+            dashes: MEAN_DASHES,
+        });
+    }
+    let most = spread.map_or(0.0, |spread| spread.max as f64);
+    if let Some(ms) = run.way.paper_ms().filter(|ms| ms * 1e6 <= SHOWN_UP_TO * most) {
+        levels.push(Level {
+            ns: ms * 1e6,
+            name: format!("the paper's mean {ms:.2} ms"),
+            dashes: PAPER_DASHES,
+        });
+    }
+    let picture = plot::svg(&differences, run.lasted_s, &levels)?;
+    let several = experiment.runs_of(run.way).count() > 1;
+    Ok(html! {
+        figure role="img" aria-label=(run.way.title()) {
+            h3 { (run.way.title()) }
+            (PreEscaped(picture))
+            figcaption {
+                code { (run.way) }
+                @if let Some(number) = run.way.paper_figure() { ", as the paper’s figure " (number) }
+                @if several { ", seed " (run.seed) }
+                @if let Some(spread) = spread {
+                    ": mean " (told(spread.mean)) ", 95 % below " (told(spread.p95 as f64))
+                    ", at most " (told(spread.max as f64))
+                }
+                "."
+            }
+        }
+    })
+}
+
+fn how(experiment: &Experiment) -> Markup {
+    html! {
+        pre { code { (experiment.command) } }
+        dl { @for (name, value) in &experiment.conditions { dt { (name) } dd { (value) } } }
+        @if experiment.place == Place::Virtual {
+            p {
+                "The same command makes the same files, byte for byte. Every way meets the same \
+                 receivers, crystals and PINGs. Answers have whole microseconds, so two clocks \
+                 that agree to a few nanoseconds are seen to differ by one or by none."
+            }
+        }
+    }
+}
+
+fn beside_the_paper(experiment: &Experiment) -> Markup {
+    let of_paper: Vec<(Way, f64, f64)> = experiment
+        .ways()
+        .into_iter()
+        .filter_map(|way| Some((way, way.paper_ms()?, experiment.estimate(way)?.mean / 1e6)))
+        .collect();
+    let mut ours = of_paper.clone();
+    ours.sort_by(|one, other| other.2.total_cmp(&one.2));
+    html! {
+        p { "How far our figure for each of the paper’s ways stands from the paper’s own:" }
+        ul { @for (way, paper, mean) in &of_paper {
+            li { (way.title()) ": " (told(mean * 1e6)) " beside " (format!("{paper:.2} ms")) ", "
+                 (format!("{:.2}", mean / paper)) " times as much" }
+        } }
+        @if ours.len() > 1 {
+            p {
+                "From the largest to the smallest, ours come in this order: "
+                (ours.iter().map(|(way, ..)| way.to_string()).collect::<Vec<_>>().join(", ")) "."
+            }
+        }
+        p {
+            "The paper’s ways are its software’s timing only: the poll, sleep and read loop of \
+             PX4 1.9, the constant wait, the tick and the priorities, on a board that does nothing \
+             else. What the authors’ receivers took from epoch to message, how their oscillators \
+             ran, and what load their flight stack put on the processor is not known, and each of \
+             them moves these figures. Here the receivers’ latency is that of recordings that \
+             others made; with every mark setting the clock, its spread goes straight into the \
+             difference, whatever the tick. No parameter was tuned to the paper’s figures."
+        }
+    }
+}
+
+/// A mean with its confidence interval.
+pub(crate) fn told_estimate(estimate: Estimate) -> String {
+    match estimate.half_width {
+        Some(half) => format!("{} ± {}", told(estimate.mean), told(half)),
+        None => told(estimate.mean),
+    }
+}
+
+fn none() -> String {
+    "–".to_owned()
+}
+
+/// A time in the unit that fits its size, with three digits.
+pub(crate) fn told(ns: f64) -> String {
+    let (value, unit) = match ns {
+        ..1e3 => (ns, "ns"),
+        ..1e6 => (ns / 1e3, "µs"),
+        ..1e9 => (ns / 1e6, "ms"),
+        _ => (ns / 1e9, "s"),
+    };
+    let decimals = match value {
+        ..10.0 => 2,
+        ..100.0 => 1,
+        _ => 0,
+    };
+    format!("{value:.decimals$} {unit}")
+}

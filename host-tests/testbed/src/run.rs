@@ -1,0 +1,125 @@
+//! Runs of the experiment, and all of them together.
+//!
+//! *Purpose.* [`Run`]: one way, one seed, all boards. [`Experiment`]: every run that was
+//! made, and how.
+//!
+//! *Design.* Plain data with the figures that files and report have in common.
+//!
+//! *Limits.* The figures of a way whose runs have no pair of good samples are not there.
+
+use crate::pairing::{Difference, differences};
+use crate::record::{Record, Trouble};
+use crate::statistics::{Estimate, Spread};
+use crate::way::Way;
+
+/// One way of keeping time, once.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Run {
+    /// The way.
+    pub way: Way,
+    /// Where its chance came from.
+    pub seed: u64,
+    /// How long it lasted, in s: less than was asked for if it was cut short.
+    pub lasted_s: u32,
+    /// Each board's part.
+    pub records: Vec<Record>,
+    /// Round trips up to which a sample is used, in ns, board by board; empty where none
+    /// is late.
+    pub late_ns: Vec<i64>,
+}
+
+impl Run {
+    /// How far the boards were apart at each PING.
+    #[must_use]
+    pub fn differences(&self) -> Vec<Difference> {
+        differences(&self.records)
+    }
+
+    /// The spread of the differences.
+    #[must_use]
+    pub fn spread(&self) -> Option<Spread> {
+        Spread::of(self.differences().iter().map(|difference| difference.ns))
+    }
+
+    /// PINGs that no answer came to, over all boards.
+    #[must_use]
+    pub fn missing(&self) -> usize {
+        let of = |record: &Record| (record.asked as usize).saturating_sub(record.samples.len());
+        self.records.iter().map(of).sum()
+    }
+
+    /// Each trouble with the name of its board.
+    pub fn troubles(&self) -> impl Iterator<Item = (&str, &Trouble)> {
+        self.records.iter().flat_map(|record| {
+            let name = record.name.as_str();
+            record.troubles.iter().map(move |trouble| (name, trouble))
+        })
+    }
+}
+
+/// Where the boards are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// In the process, with the truth known.
+    Virtual,
+    /// On QEMU.
+    Qemu,
+    /// On lines of this host.
+    Lines,
+}
+
+/// Every run, and how it was made.
+#[derive(Clone, Debug)]
+pub struct Experiment {
+    /// The command that repeats it.
+    pub command: String,
+    /// Where the boards are.
+    pub place: Place,
+    /// What was asked for, in words, and its value: what the report tells of the run.
+    pub conditions: Vec<(&'static str, String)>,
+    /// The runs, way by way.
+    pub runs: Vec<Run>,
+    /// Why it ended before its time, if it did.
+    pub cut_short: Option<String>,
+}
+
+impl Experiment {
+    /// The ways that were run, in their order.
+    #[must_use]
+    pub fn ways(&self) -> Vec<Way> {
+        let mut ways: Vec<Way> = self.runs.iter().map(|run| run.way).collect();
+        ways.dedup();
+        ways
+    }
+
+    /// The runs of a way.
+    pub fn runs_of(&self, way: Way) -> impl Iterator<Item = &Run> {
+        self.runs.iter().filter(move |run| run.way == way)
+    }
+
+    /// The mean difference of a way in ns, over its runs.
+    #[must_use]
+    pub fn estimate(&self, way: Way) -> Option<Estimate> {
+        let spreads = self.runs_of(way).filter_map(Run::spread);
+        Estimate::of(&spreads.map(|spread| spread.mean).collect::<Vec<_>>())
+    }
+
+    /// The spread of a way's differences, all its runs together.
+    #[must_use]
+    pub fn spread(&self, way: Way) -> Option<Spread> {
+        let all = self.runs_of(way).flat_map(Run::differences);
+        Spread::of(all.map(|difference| difference.ns))
+    }
+
+    /// The spread of each board's error to UTC under a way, all its runs together;
+    /// empty where UTC is not known.
+    #[must_use]
+    pub fn errors(&self, way: Way) -> Vec<Spread> {
+        let boards = self.runs_of(way).map(|run| run.records.len()).max();
+        let of_board = |board: usize| {
+            let records = self.runs_of(way).filter_map(move |run| run.records.get(board));
+            Spread::of(records.flat_map(|record| record.good().filter_map(|s| s.error_ns)))
+        };
+        (0..boards.unwrap_or(0)).filter_map(of_board).collect()
+    }
+}

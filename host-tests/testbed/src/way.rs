@@ -1,0 +1,200 @@
+//! The ways of keeping time that are set beside each other.
+//!
+//! *Purpose.* What each way is called, which images its boards need, and what the paper
+//! measured for it.
+//!
+//! *Design.* A way is a build setting of the firmware, a tick and a baud rate of the
+//! receiver's line for each board, and whether the receiver's pulse is wired.
+//!
+//! *Limits.* The paper gives one figure for its default, which stands here for equal and
+//! for unequal baud rates, because it names unequal ones as a cause (section 2.1.2).
+
+use std::fmt;
+use std::str::FromStr;
+
+use console::Way as Built;
+
+/// The baud rate that everybody but one board of the mixed way uses.
+const BAUD: u32 = 115_200;
+/// The other rate of the mixed way.
+const SLOW_BAUD: u32 = 38_400;
+
+/// A way of keeping time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Way {
+    /// PX4 1.9 as it was, both receivers at 115200.
+    PaperDefault,
+    /// The same, the first receiver at 115200, every other at 38400.
+    PaperDefaultMixed,
+    /// The paper's step I: 115200 and a constant wait of 5 ms.
+    PaperStep1,
+    /// The paper's step II: SysTick at priority 0 and a tick of so many µs.
+    PaperStep2(u32),
+    /// pixclock on the receiver's messages.
+    Pixclock,
+    /// pixclock on the receiver's time pulse.
+    PixclockPps,
+}
+
+/// What the firmware of one board is built with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Image {
+    /// How it keeps the clock, and its tick.
+    pub way: Built,
+    /// The rate of the receiver's line, in Bd.
+    pub gps_baud: u32,
+}
+
+impl Image {
+    /// What the firmware calls its ways, by the number that it tells as the parameter
+    /// `PC_WAY`.
+    pub const NAMES: [&'static str; 4] =
+        ["pixclock", "paper-default", "paper-step1", "paper-step2"];
+}
+
+impl fmt::Display for Image {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (name, tick_us) = (self.way.name(), self.way.tick_us());
+        write!(f, "{name} with a tick of {tick_us} µs, the receiver at {} Bd", self.gps_baud)
+    }
+}
+
+impl Way {
+    /// All of them, the paper's first.
+    pub const ALL: [Self; 8] = [
+        Self::PaperDefaultMixed,
+        Self::PaperDefault,
+        Self::PaperStep1,
+        Self::PaperStep2(500),
+        Self::PaperStep2(200),
+        Self::PaperStep2(50),
+        Self::Pixclock,
+        Self::PixclockPps,
+    ];
+
+    /// What a person reads.
+    #[must_use]
+    pub fn title(self) -> String {
+        match self {
+            Self::PaperDefault => "default, both receivers at 115200".to_owned(),
+            Self::PaperDefaultMixed => "default, receivers at 115200 and 38400".to_owned(),
+            Self::PaperStep1 => "step I: 115200, constant wait".to_owned(),
+            Self::PaperStep2(tick_us) => {
+                format!("step II: SysTick first, tick of {tick_us} µs")
+            }
+            Self::Pixclock => "pixclock on the receiver's messages".to_owned(),
+            Self::PixclockPps => "pixclock on the receiver's pulse".to_owned(),
+        }
+    }
+
+    /// The mean difference over 600 s that the paper measured (its tables 2 and 3), in
+    /// ms.
+    #[must_use]
+    pub const fn paper_ms(self) -> Option<f64> {
+        match self {
+            Self::PaperDefault | Self::PaperDefaultMixed => Some(21.64),
+            Self::PaperStep1 => Some(6.38),
+            Self::PaperStep2(500) => Some(5.37),
+            Self::PaperStep2(200) => Some(6.15),
+            Self::PaperStep2(50) => Some(3.44),
+            Self::PaperStep2(_) | Self::Pixclock | Self::PixclockPps => None,
+        }
+    }
+
+    /// The paper's figure that shows this way, if it has one.
+    #[must_use]
+    pub const fn paper_figure(self) -> Option<u32> {
+        match self {
+            Self::PaperDefault | Self::PaperDefaultMixed => Some(1),
+            Self::PaperStep1 => Some(9),
+            Self::PaperStep2(50) => Some(10),
+            _ => None,
+        }
+    }
+
+    /// Whether it is one of the paper's.
+    #[must_use]
+    pub const fn is_papers(self) -> bool {
+        !matches!(self, Self::Pixclock | Self::PixclockPps)
+    }
+
+    /// Whether the receiver's pulse is wired.
+    #[must_use]
+    pub const fn has_pulse(self) -> bool {
+        matches!(self, Self::PixclockPps)
+    }
+
+    /// What board `index`, counted from 0, is built with.
+    #[must_use]
+    pub const fn image(self, index: usize) -> Image {
+        let way = match self {
+            Self::PaperDefault | Self::PaperDefaultMixed => Built::PaperDefault,
+            Self::PaperStep1 => Built::PaperStep1,
+            Self::PaperStep2(tick_us) => Built::PaperStep2 { tick_us },
+            Self::Pixclock | Self::PixclockPps => Built::STANDARD,
+        };
+        let gps_baud = match self {
+            Self::PaperDefaultMixed if index > 0 => SLOW_BAUD,
+            _ => BAUD,
+        };
+        Image { way, gps_baud }
+    }
+
+    /// Its name as a folder's: without the colon, which not every file system takes.
+    #[must_use]
+    pub fn folder(self) -> String {
+        self.to_string().replace(':', "-")
+    }
+}
+
+impl fmt::Display for Way {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::PaperDefault => f.write_str("paper-default"),
+            Self::PaperDefaultMixed => f.write_str("paper-default-mixed"),
+            Self::PaperStep1 => f.write_str("paper-step1"),
+            Self::PaperStep2(tick_us) => write!(f, "paper-step2:{tick_us}"),
+            Self::Pixclock => f.write_str("pixclock"),
+            Self::PixclockPps => f.write_str("pixclock-pps"),
+        }
+    }
+}
+
+impl FromStr for Way {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|way| way.to_string() == text);
+        found.ok_or_else(|| {
+            let names = Self::ALL.map(|way| way.to_string()).join(", ");
+            format!("'{text}' is no way; allowed: {names}, all")
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_way_is_found_by_its_name_and_has_a_folder_of_its_own() {
+        for way in Way::ALL {
+            assert_eq!(way.to_string().parse(), Ok(way));
+        }
+        let mut folders = Way::ALL.map(Way::folder).to_vec();
+        folders.dedup();
+        assert_eq!(folders.len(), Way::ALL.len());
+        let told = "paper-step2:100".parse::<Way>().unwrap_err();
+        assert!(told.contains("paper-step2:500, paper-step2:200"), "{told}");
+    }
+
+    #[test]
+    fn only_the_mixed_way_has_unequal_rates_and_only_the_last_one_a_pulse() {
+        for way in Way::ALL {
+            let is_mixed = way.image(0) != way.image(1);
+            assert_eq!(is_mixed, way == Way::PaperDefaultMixed);
+            assert_eq!(way.has_pulse(), way == Way::PixclockPps);
+            assert_eq!(way.is_papers(), way.paper_ms().is_some());
+        }
+    }
+}

@@ -1,0 +1,285 @@
+//! `cargo xtask testbed --boards virtual`: the paper's experiment on virtual Pixhawks.
+//!
+//! *Purpose.* Two or more boards, each with a crystal and a receiver of its own, in one
+//! world whose laptop asks them all at the same moments.
+//!
+//! *Design.* The boards get power within the same second, each at a moment of its own.
+//! The first PING follows after `--settle`, the same for all ways. Each board has a
+//! thread and lives alone, since nothing that it says changes what the others hear; it
+//! is run in steps of a second, so that Ctrl-C is soon obeyed. UTC is the world's time
+//! at the end of a PING's first byte.
+//!
+//! *Limits.* Crystals do not wander. The laptop's line takes what the board's own
+//! 115200 baud take: a PING that is due while the one before still leaves, waits.
+
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+
+use anyhow::Context as _;
+use clap::Parser;
+use clap::{CommandFactory as _, error::ErrorKind};
+use fastrand::Rng;
+use indicatif::ProgressBar;
+use mavlink_node::client::Client;
+use mavlink_node::{Address, Version};
+use testbed::{
+    Boards, Conversation, Keeper, Options, Place, Record, Run, Schedule, Way, progress,
+};
+use timebase::{Stamp, StampedByte};
+use virtual_pixhawk::{Builder, Connector, Firmware, Gaps, Script};
+use world::{Pulses, Receiver, ReceiverSettings, Transmission, WorldNanos};
+
+const SECOND: u64 = 1_000_000_000;
+/// 2026-11-22T04:00:00Z: UTC when the first board may get power.
+const START_UTC_NS: i64 = 1_795_320_000 * 1_000_000_000;
+/// Boards get power within so many ns.
+const POWER_WITHIN_NS: u64 = SECOND;
+/// The speed of the laptop's line.
+const BAUD: u32 = 115_200;
+/// Ten bits at the board's own speed (42 MHz by 365, RM0090 30.3.4): a PING's first byte
+/// has arrived so many ns after its start.
+const FIRST_BYTE_NS: i64 = 86_905;
+/// Receivers have a TCXO that is within so many ppb.
+const RECEIVER_PPB: i32 = 1_000;
+/// How long answers are waited for after the last PING, in ns.
+const AFTERWARDS_NS: u64 = SECOND;
+/// The laptop: a ground station and the component that MAVLink gives to no device.
+const LAPTOP: Address = Address {
+    system: 255,
+    component: 190,
+};
+
+static ASKED_TO_END: AtomicBool = AtomicBool::new(false);
+
+/// The paper's experiment on virtual Pixhawks.
+#[derive(Parser, Debug)]
+#[command(name = "testbed")]
+struct Testbed {
+    #[command(flatten)]
+    options: Options,
+}
+
+fn main() -> ExitCode {
+    let Testbed { options } = Testbed::parse();
+    if options.boards != Boards::Virtual {
+        wrong_usage("this program has virtual boards only; `cargo xtask testbed` has the others");
+    }
+    run(&options).unwrap_or_else(|error| {
+        eprintln!("error: {error:#}");
+        ExitCode::FAILURE
+    })
+}
+
+fn wrong_usage(message: &str) -> ! {
+    Testbed::command()
+        .error(ErrorKind::ValueValidation, message)
+        .exit()
+}
+
+/// Every way with every seed.
+fn run(options: &Options) -> anyhow::Result<ExitCode> {
+    ctrlc::set_handler(|| ASKED_TO_END.store(true, Ordering::Relaxed))?;
+    let ways = options.ways();
+    let mut keeper = Keeper::new(options, Place::Virtual, conditions(options))?;
+    let each_s = u64::from(options.settle) + u64::from(options.duration) + 1;
+    let bar = progress::bar(each_s * ways.len() as u64 * options.seeds);
+    'all: for way in ways {
+        for seed in options.seeds() {
+            bar.set_message(format!("{way}, seed {seed}"));
+            match one_run(options, way, seed, &bar) {
+                Ok(run) => keeper.keep(run),
+                Err(error) => {
+                    keeper.cut_short(&format!("{way}, seed {seed}: {error:#}"));
+                    break 'all;
+                }
+            }
+            if ASKED_TO_END.load(Ordering::Relaxed) {
+                keeper.cut_short("it was stopped by Ctrl-C");
+                break 'all;
+            }
+        }
+    }
+    bar.finish_and_clear();
+    keeper.end(options, ASKED_TO_END.load(Ordering::Relaxed))
+}
+
+/// What the report tells of the boards and their world.
+fn conditions(options: &Options) -> Vec<(&'static str, String)> {
+    vec![
+        (
+            "boards",
+            format!("{} virtual Pixhawk 1", options.crystals.ppb.len()),
+        ),
+        ("crystals", format!("{} ppm", options.crystals.text())),
+        ("receivers", options.receiver.title().to_owned()),
+        (
+            "seeds",
+            match options.seeds().end - 1 {
+                last if last == options.seed => format!("{last}"),
+                last => format!("{} to {last}", options.seed),
+            },
+        ),
+        (
+            "test",
+            format!(
+                "{} s, {} PINGs a second, the first one {} s after the boards' power",
+                options.duration, options.rate, options.settle
+            ),
+        ),
+    ]
+}
+
+/// One way with one seed.
+fn one_run(options: &Options, way: Way, seed: u64, bar: &ProgressBar) -> anyhow::Result<Run> {
+    let settings = (0..).zip(&options.crystals.ppb);
+    let boards = settings
+        .map(|(index, &crystal_ppb)| Lab::board(options, way, seed, index, crystal_ppb))
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let lives = thread::scope(|scope| {
+        let running: Vec<_> = (0..)
+            .zip(boards)
+            .map(|(index, board)| {
+                let bar = (index == 0).then_some(bar);
+                scope.spawn(move || board.live(bar))
+            })
+            .collect();
+        running
+            .into_iter()
+            .map(|board| {
+                let ended = board.join();
+                ended.unwrap_or_else(|_| anyhow::bail!("a board's thread panicked"))
+            })
+            .collect::<anyhow::Result<Vec<_>>>()
+    })?;
+    Ok(Run {
+        way,
+        seed,
+        lasted_s: lives.iter().map(|life| life.lasted_s).min().unwrap_or(0),
+        records: lives.into_iter().map(|life| life.record).collect(),
+        late_ns: Vec::new(),
+    })
+}
+
+/// A board in its place, before it has power.
+struct Lab {
+    builder: Builder,
+    name: String,
+    schedule: Schedule,
+    /// From the world's start to its power, in ns.
+    power_ns: u64,
+    /// From the world's start to the test's, in ns.
+    test_ns: u64,
+}
+
+/// What became of a board.
+struct Life {
+    record: Record,
+    lasted_s: u32,
+}
+
+impl Lab {
+    fn board(
+        options: &Options,
+        way: Way,
+        seed: u64,
+        index: usize,
+        crystal_ppb: i32,
+    ) -> anyhow::Result<Self> {
+        let image = way.image(index);
+        let path = options.image(image).with_context(|| {
+            format!("the image {image} is missing; `cargo xtask testbed` builds it")
+        })?;
+        // What a seed makes of a board is the same under every way.
+        let mut rng = Rng::with_seed(seed);
+        rng = Rng::with_seed(rng.u64(..) ^ index as u64);
+        let power_ns = rng.u64(0..POWER_WITHIN_NS);
+        let receiver = ReceiverSettings {
+            seed: rng.u64(..),
+            crystal_ppb: rng.i32(-RECEIVER_PPB..=RECEIVER_PPB),
+            latency: options.receiver.latency(),
+            ..ReceiverSettings::new(START_UTC_NS + power_ns.cast_signed())
+        };
+        let schedule = Schedule {
+            rate_hz: options.rate,
+            duration_s: options.duration,
+            seed,
+        };
+        let test_ns = POWER_WITHIN_NS + u64::from(options.settle) * SECOND;
+        let mut builder = Builder::new(Firmware::read(path)?)
+            .crystal_ppb(crystal_ppb)
+            .gps(Receiver::new(receiver.clone()))
+            .telem1(Script::new(pings(schedule, test_ns - power_ns)));
+        if way.has_pulse() {
+            builder = builder.pulse(Pulses::new(&receiver));
+        }
+        Ok(Self {
+            builder,
+            name: format!("board {}", index + 1),
+            schedule,
+            power_ns,
+            test_ns,
+        })
+    }
+
+    /// From power to the end of the test, a second at a time.
+    fn live(self, bar: Option<&ProgressBar>) -> anyhow::Result<Life> {
+        let mut conversation = Conversation::new(&self.name);
+        let begins = self.test_ns - self.power_ns;
+        let ends = begins + u64::from(self.schedule.duration_s) * SECOND;
+        let since_test = |at: u64| at.cast_signed() - begins.cast_signed();
+        let mut to_ask = pings(self.schedule, begins).into_iter().peekable();
+        let mut sequences = self.schedule.pings();
+        let mut client = Client::new(LAPTOP, Version::V2);
+        let mut board = self.builder.power_on()?;
+        while board.now().0 < ends + AFTERWARDS_NS && !ASKED_TO_END.load(Ordering::Relaxed) {
+            board.run_for(SECOND.min(ends + AFTERWARDS_NS - board.now().0))?;
+            let now = board.now();
+            while let Some(ping) = to_ask.next_if(|ping| ping.start <= now)
+                && let Some((sequence, _)) = sequences.next()
+            {
+                conversation.asked(sequence, since_test(ping.start.0), None);
+            }
+            for heard in board.take_heard(Connector::Telem1)? {
+                let stamp = Stamp((heard.at.0 / 6) as u32);
+                let byte = heard.byte;
+                if let Some(heard_now) = client.receive(StampedByte { stamp, byte }) {
+                    conversation.heard(since_test(heard.at.0), &heard_now.what);
+                }
+            }
+            // Nobody reads it, and it would grow.
+            board.take_log()?;
+            if let Some(bar) = bar {
+                bar.inc(1);
+            }
+        }
+        let gaps = board.gaps()?;
+        if gaps != Gaps::default() {
+            eprintln!("the emulator has no model for what the firmware did here: {gaps:?}");
+        }
+        let lasted_ns = since_test(board.now().0.min(ends)).max(0);
+        let test_utc_ns = START_UTC_NS + self.test_ns.cast_signed();
+        let record = conversation.end(Some(&|sent_ns| test_utc_ns + sent_ns + FIRST_BYTE_NS));
+        Ok(Life {
+            record,
+            lasted_s: (lasted_ns.cast_unsigned() / SECOND) as u32,
+        })
+    }
+}
+
+/// The laptop's PINGs, the test beginning at `begins`, in the world's ns since the
+/// board's power.
+fn pings(schedule: Schedule, begins: u64) -> Vec<Transmission> {
+    let mut client = Client::new(LAPTOP, Version::V2);
+    let mut free = WorldNanos(0);
+    let pings = schedule.pings().map(|(sequence, at)| {
+        let transmission = Transmission {
+            start: WorldNanos(begins + at).max(free),
+            bytes: client.ping(at / 1_000, sequence).to_vec(),
+            baud: BAUD,
+        };
+        free = transmission.end();
+        transmission
+    });
+    pings.collect()
+}

@@ -1,0 +1,273 @@
+//! The SD card's slot, and cards with what can be wrong with them.
+//!
+//! *Purpose.* A [`Card`] holds an image that a test has made and reads afterwards. It can be
+//! write-protected, slow, damaged on the way at a given block, and it can be pulled and put in.
+//!
+//! *Design.* The card itself is rigless's: its states, its commands, its blocks. Around it stands
+//! what that one has not: the second version of the specification (CMD8, and blocks addressed by
+//! number said as they should be), a start-up that takes time, a busy time after each written
+//! block, write protection, and [`Fault`]s at the nth block. A damaged answer is made of one that
+//! is too long, which the interface takes for a failed checksum.
+//!
+//! *Limits.* Blocks that are read are there at once, where a real card takes some 100 µs. A busy
+//! time begins with the first command after its block.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use rigless::chip::Timeline;
+use rigless::chip::memory_card::MemoryCard;
+use rigless::chip::sd::{self, Answer, BLOCK, Outcome, command};
+use rigless::snapshot::Store;
+use rigless::time::VirtualNanos;
+
+/// How long a card starts up, and how long it is busy after a block, in ns: of the order of what
+/// cards take.
+const START_UP_NS: u64 = 20_000_000;
+const BUSY_NS: u64 = 300_000;
+
+/// SD Physical Layer Simplified Specification: CMD8 echoes (4.9.6), high capacity and ready in the
+/// conditions (5.1), temporary write protection in the CSD's last word (5.3), and of the status
+/// (4.10.1) violation, illegal command, and a card that programs.
+const IF_COND: u32 = 0xFFF;
+const HIGH_CAPACITY: u32 = 1 << 30;
+const IS_READY: u32 = 1 << 31;
+const TMP_WRITE_PROTECT: u32 = 1 << 12;
+const WP_VIOLATION: u32 = 1 << 26;
+const ILLEGAL_COMMAND: u32 = 1 << 22;
+const PROGRAMS: u32 = 7 << 9;
+
+/// Which way a block goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Transfer {
+    /// From the card.
+    Read,
+    /// To the card.
+    Write,
+}
+
+/// What can go wrong with a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// Its checksum fails.
+    Damaged,
+    /// It does not come, or is not taken.
+    Lost,
+    /// The answer to its command is damaged.
+    AnswerDamaged,
+    /// The card falls out of the slot in front of it.
+    Pulled,
+}
+
+/// An SD card.
+pub struct Card {
+    card: MemoryCard,
+    blocks: usize,
+    is_first_version: bool,
+    is_write_protected: bool,
+    busy_ns: u64,
+    faults: BTreeMap<(Transfer, u64), Fault>,
+    transfers: [u64; 2],
+    fault: Option<Fault>,
+    is_application: bool,
+    ready: VirtualNanos,
+    busy_until: VirtualNanos,
+    has_taken: bool,
+}
+
+impl Card {
+    /// A card of the second version that holds `image`, whole blocks of 512 bytes.
+    #[must_use]
+    pub fn holding(image: &[u8]) -> Self {
+        Self::with(MemoryCard::holding(image), image.len() / BLOCK)
+    }
+
+    /// The same of the first version, which is addressed by bytes; a multiple of 512 blocks, 2²¹ at
+    /// most.
+    #[must_use]
+    pub fn of_first_version(image: &[u8]) -> Self {
+        Self {
+            is_first_version: true,
+            ..Self::holding(image)
+        }
+    }
+
+    fn with(card: MemoryCard, blocks: usize) -> Self {
+        Self {
+            card,
+            blocks,
+            is_first_version: false,
+            is_write_protected: false,
+            busy_ns: BUSY_NS,
+            faults: BTreeMap::new(),
+            transfers: [0; 2],
+            fault: None,
+            is_application: false,
+            ready: VirtualNanos(0),
+            busy_until: VirtualNanos(0),
+            has_taken: false,
+        }
+    }
+
+    /// Write-protects it.
+    #[must_use]
+    pub const fn write_protected(mut self) -> Self {
+        self.is_write_protected = true;
+        self
+    }
+
+    /// Makes it busy for so long after each block that it takes.
+    #[must_use]
+    pub const fn busy_for_ns(mut self, ns: u64) -> Self {
+        self.busy_ns = ns;
+        self
+    }
+
+    /// Has something go wrong with the `nth` block that is read, or written, from 0 on.
+    #[must_use]
+    pub fn fault(mut self, transfer: Transfer, nth: u64, fault: Fault) -> Self {
+        self.faults.insert((transfer, nth), fault);
+        self
+    }
+
+    /// Blocks that were asked for and given to it so far.
+    #[must_use]
+    pub const fn transfers(&self, transfer: Transfer) -> u64 {
+        self.transfers[transfer as usize]
+    }
+
+    /// All that it holds.
+    #[must_use]
+    pub fn image(&self) -> Vec<u8> {
+        (0..self.blocks)
+            .flat_map(|block| self.card.stored(block))
+            .collect()
+    }
+
+    /// Its CSD, where that of rigless's card is `csd`.
+    fn described(&self, mut csd: [u32; 4]) -> [u32; 4] {
+        if self.is_first_version {
+            // 5.3.2: C_SIZE + 1 times 2⁹ blocks, with C_SIZE_MULT at 7 and READ_BL_LEN at 9.
+            let size = (self.blocks >> 9) as u32 - 1;
+            csd[0] = 0x000E_0032;
+            csd[1] = 0x5B59_0000 | size >> 2;
+            csd[2] = size << 30 | 7 << 15;
+        }
+        if self.is_write_protected {
+            csd[3] |= TMP_WRITE_PROTECT;
+        }
+        csd
+    }
+
+    fn begins(&mut self, transfer: Transfer) {
+        let nth = &mut self.transfers[transfer as usize];
+        self.fault = self.faults.remove(&(transfer, *nth));
+        *nth += 1;
+    }
+}
+
+impl fmt::Debug for Card {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Card")
+            .field("blocks", &self.blocks)
+            .field("transfers", &self.transfers)
+            .finish_non_exhaustive()
+    }
+}
+
+/// The slot, with a card or without one.
+#[derive(Debug, Default)]
+pub(crate) struct Slot(pub(crate) Option<Card>);
+
+impl Store for Slot {}
+
+impl sd::Card for Slot {
+    fn command(&mut self, index: u8, argument: u32, context: &mut Timeline<'_, '_>) -> Answer {
+        let Some(card) = &mut self.0 else {
+            return Answer::None;
+        };
+        let now = context.now();
+        if std::mem::take(&mut card.has_taken) {
+            card.busy_until = VirtualNanos(now.0 + card.busy_ns);
+        }
+        let is_application = std::mem::replace(&mut card.is_application, index == command::APP_CMD);
+        if now < card.busy_until && index != command::GO_IDLE_STATE {
+            let error = match index {
+                command::SEND_STATUS => 0,
+                _ => ILLEGAL_COMMAND,
+            };
+            return Answer::Short(PROGRAMS | error);
+        }
+        match index {
+            command::GO_IDLE_STATE => card.ready = VirtualNanos(now.0 + START_UP_NS),
+            command::SEND_IF_COND if card.is_first_version => return Answer::None,
+            command::SEND_IF_COND => return Answer::Short(argument & IF_COND),
+            command::READ_SINGLE_BLOCK => card.begins(Transfer::Read),
+            command::WRITE_BLOCK if card.is_write_protected => return Answer::Short(WP_VIOLATION),
+            command::WRITE_BLOCK => card.begins(Transfer::Write),
+            _ => {}
+        }
+        match card.fault {
+            Some(Fault::Pulled) => {
+                card.fault = None;
+                self.0 = None;
+                return Answer::None;
+            }
+            Some(Fault::AnswerDamaged) => {
+                card.fault = None;
+                return Answer::Long([0; 4]);
+            }
+            _ => {}
+        }
+        let argument = match index {
+            command::READ_SINGLE_BLOCK | command::WRITE_BLOCK if card.is_first_version => {
+                argument / BLOCK as u32
+            }
+            _ => argument,
+        };
+        let answer = card.card.command(index, argument, context);
+        match answer {
+            Answer::Short(conditions) if is_application && index == command::SD_SEND_OP_COND => {
+                let mut conditions = conditions;
+                if now < card.ready {
+                    conditions &= !IS_READY;
+                } else if !card.is_first_version {
+                    conditions |= HIGH_CAPACITY;
+                }
+                Answer::Short(conditions)
+            }
+            Answer::Long(csd) if index == command::SEND_CSD => Answer::Long(card.described(csd)),
+            other => other,
+        }
+    }
+
+    fn read(&mut self, block: &mut [u8]) -> Outcome {
+        let Some(card) = &mut self.0 else {
+            return Outcome::Ended;
+        };
+        match card.fault.take() {
+            Some(Fault::Lost) => Outcome::Ended,
+            Some(Fault::Damaged) => {
+                card.card.read(block);
+                block.fill(0x5A);
+                Outcome::Corrupt
+            }
+            _ => card.card.read(block),
+        }
+    }
+
+    fn write(&mut self, block: &[u8]) -> Outcome {
+        let Some(card) = &mut self.0 else {
+            return Outcome::Ended;
+        };
+        match card.fault.take() {
+            Some(Fault::Lost) => Outcome::Ended,
+            // It throws a damaged block away.
+            Some(Fault::Damaged) => Outcome::Corrupt,
+            _ => {
+                card.has_taken = true;
+                card.card.write(block)
+            }
+        }
+    }
+}

@@ -1,0 +1,332 @@
+//! The log of a test on the memory card: the file is right, each fault is told by its kind and loses
+//! nothing, and the clock does not feel any of it.
+
+use crate::common::{
+    BAUD, MS, SECOND, START_UTC_NS, image, ping_answers, pings, receiver_settings,
+};
+use crate::volume::{self, Kind};
+use mavlink_node::client::Client;
+use mavlink_node::{Address, Test, Version};
+use sample_log::csv;
+use virtual_pixhawk::{Builder, Card, Connector, Fault, Firmware, Pixhawk, Script, Transfer};
+use world::{Receiver, Transmission, WorldNanos};
+
+/// The file that a card gets first.
+const FIRST_FILE: &str = "TEST0001.CSV";
+/// When PINGs begin; the clock is set by then.
+const FIRST_PING: WorldNanos = WorldNanos(3 * SECOND);
+
+/// The command that ends a test, from a ground station to the board.
+fn end_of_test(at: WorldNanos) -> Transmission {
+    let [station, board] =
+        [(255, 190), (1, 1)].map(|(system, component)| Address { system, component });
+    let mut client = Client::new(station, Version::V2);
+    Transmission {
+        start: at,
+        bytes: client.test(board, Test::Ends).to_vec(),
+        baud: BAUD,
+    }
+}
+
+/// `count` PINGs, so far apart.
+fn some_pings(count: u64, apart_ns: u64) -> Vec<Transmission> {
+    let at = (0..count).map(|n| WorldNanos(FIRST_PING.0 + n * apart_ns));
+    pings(Version::V2, at)
+}
+
+/// A board with a receiver and these requests.
+fn board(firmware: &Firmware, telem1: Vec<Transmission>) -> Builder {
+    Builder::new(firmware.clone())
+        .crystal_ppb(17_000)
+        .gps(Receiver::new(receiver_settings()))
+        .telem1(Script::new(telem1))
+}
+
+/// A board that has heard 40 PINGs and is told at 5 s, and again at each of `again`, that the test has
+/// ended.
+fn after_a_test(firmware: &Firmware, card: Option<Card>, again: &[WorldNanos]) -> Pixhawk {
+    let mut telem1 = some_pings(40, 25 * MS);
+    telem1.push(end_of_test(WorldNanos(5 * SECOND)));
+    telem1.extend(again.iter().map(|&at| end_of_test(at)));
+    let mut board = board(firmware, telem1);
+    if let Some(card) = card {
+        board = board.card(card);
+    }
+    board.power_on().unwrap()
+}
+
+/// What the log says of the card since the last call.
+fn said_of_the_card(board: &mut Pixhawk) -> Vec<String> {
+    let log = board.take_log().unwrap();
+    let lines = log.into_iter().map(|logged| logged.line.text);
+    lines
+        .filter(|text| text.starts_with("the log is"))
+        .map(|text| text.split(", took").next().unwrap().to_owned())
+        .collect()
+}
+
+/// What the board has told on its line, as far as it is text.
+fn texts(board: &mut Pixhawk) -> String {
+    let heard = board.take_heard(Connector::Telem1).unwrap();
+    let bytes: Vec<u8> = heard.iter().map(|heard| heard.byte).collect();
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+/// Asserts that a file has a line for each PING, with the time that it was answered with.
+fn assert_is_the_log(contents: &[u8], answers: &[(u32, u64)]) {
+    let text = std::str::from_utf8(contents).unwrap();
+    let mut lines = text.split_terminator("\r\n");
+    assert_eq!(
+        lines.next().map(str::as_bytes),
+        csv::HEADER.strip_suffix(b"\r\n")
+    );
+    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows.len(), answers.len());
+    for (row, &(seq, time_usec)) in rows.iter().zip(answers) {
+        let numbers: Vec<u64> = [0, 1, 2, 4].map(|n: usize| row[n].parse().unwrap()).into();
+        assert_eq!(row.len(), 5);
+        assert_eq!(numbers[0], u64::from(seq));
+        assert_eq!(numbers[1], u64::from(seq) + 1_000, "the PING's own time");
+        assert_eq!(numbers[2] / 1_000, time_usec, "PING {seq}");
+        assert_eq!(row[3], "set");
+        assert!(numbers[3] > 0);
+    }
+}
+
+#[test]
+fn the_file_has_a_line_for_each_ping_on_every_kind_of_card() {
+    let Some(firmware) = image() else { return };
+    let fat16 = volume::formatted(Kind::Fat16);
+    let fat32 = volume::formatted(Kind::Fat32);
+    for card in [
+        Card::holding(&fat16),
+        Card::of_first_version(&fat16),
+        Card::holding(&fat32),
+    ] {
+        let mut board = after_a_test(&firmware, Some(card), &[]);
+        board.run_to(WorldNanos(7 * SECOND)).unwrap();
+        let heard = board.take_heard(Connector::Telem1).unwrap();
+        let answers = ping_answers(&heard);
+        assert_eq!(answers.len(), 40);
+        let expected = "the log is saved: file 1, samples 40";
+        assert_eq!(said_of_the_card(&mut board), [expected]);
+        let card = board.swap_card(None).unwrap().expect("it is in the slot");
+        let mut files = volume::files(&card.image());
+        let file = files.remove(FIRST_FILE).expect("the file is there");
+        assert!(files.is_empty(), "{files:?}");
+        assert_is_the_log(&file.contents, &answers);
+        // The world began on that day at 04:00.
+        let (date, time) = (file.modified.date, file.modified.time);
+        assert_eq!((date.year, date.month, date.day), (2026, 11, 22));
+        assert_eq!((time.hour, time.min, time.sec), (4, 0, 4), "{START_UTC_NS}");
+        let gaps = board.gaps().unwrap();
+        assert_eq!(gaps, virtual_pixhawk::Gaps::default());
+    }
+}
+
+#[test]
+fn nothing_is_written_over() {
+    let Some(firmware) = image() else { return };
+    let mut before = volume::formatted(Kind::Fat16);
+    volume::put(&mut before, "TEST0001.CSV", 700);
+    volume::put(&mut before, "TEST0041.CSV", 0);
+    volume::put(&mut before, "a long name that is nobody's.csv", 5_000);
+    let again = [WorldNanos(6 * SECOND)];
+    let mut board = after_a_test(&firmware, Some(Card::holding(&before)), &again);
+    board.run_to(WorldNanos(7 * SECOND)).unwrap();
+    let after = board.swap_card(None).unwrap().unwrap().image();
+    let (mut after, before) = (volume::files(&after), volume::files(&before));
+    let new = ["TEST0042.CSV", "TEST0043.CSV"].map(|name| after.remove(name).unwrap());
+    assert_eq!(after, before);
+    assert_eq!(new[0].contents, new[1].contents);
+    assert_eq!(new[0].contents.len(), 41 * csv::LINE);
+}
+
+/// A card in the slot at the end of a test, what the board says of it in its log and on its line.
+struct Trouble {
+    card: Option<Card>,
+    logged: &'static str,
+    told: &'static str,
+}
+
+fn troubles() -> Vec<Trouble> {
+    let good = volume::formatted(Kind::Fat16);
+    let mut full = good.clone();
+    let free = volume::free_bytes(&mut full);
+    volume::put(&mut full, "most.bin", free - 3 * 1_024);
+    let mut without_cluster_size = good.clone();
+    without_cluster_size[2_048 * 512 + 13] = 0;
+    let trouble = |card, logged, told| Trouble { card, logged, told };
+    let pulled_at = |nth| Card::holding(&good).fault(Transfer::Write, nth, Fault::Pulled);
+    let mut broken = Card::holding(&good);
+    for nth in 4..7 {
+        broken = broken.fault(Transfer::Write, nth, Fault::Damaged);
+    }
+    vec![
+        trouble(None, "NoCard", "no card in the slot"),
+        trouble(
+            Some(Card::holding(&[0; 1 << 20])),
+            "NotFat",
+            "format the card as FAT32",
+        ),
+        trouble(
+            Some(Card::holding(&volume::formatted(Kind::Fat12))),
+            "NotFat",
+            "format the card as FAT32",
+        ),
+        trouble(
+            Some(Card::holding(&without_cluster_size)),
+            "NotFat",
+            "format the card as FAT32",
+        ),
+        trouble(
+            Some(Card::holding(&good).write_protected()),
+            "WriteProtected",
+            "the card is write-protected",
+        ),
+        trouble(Some(Card::holding(&full)), "Full", "the card is full"),
+        trouble(Some(pulled_at(0)), "Pulled", "the card was pulled"),
+        trouble(Some(pulled_at(7)), "Pulled", "the card was pulled"),
+        trouble(Some(broken), "Failed", "the card fails"),
+        trouble(
+            Some(Card::holding(&good).busy_for_ns(700 * MS)),
+            "Failed",
+            "the card fails",
+        ),
+    ]
+}
+
+#[test]
+fn every_trouble_is_told_by_its_kind_and_a_good_card_then_gets_all_of_it() {
+    let Some(firmware) = image() else { return };
+    for Trouble { card, logged, told } in troubles() {
+        let again = [WorldNanos(10 * SECOND)];
+        let mut board = after_a_test(&firmware, card, &again);
+        board.run_to(WorldNanos(9 * SECOND + 500 * MS)).unwrap();
+        let expected = format!("the log is not saved: {logged}");
+        assert_eq!(said_of_the_card(&mut board), [expected]);
+        let heard = board.take_heard(Connector::Telem1).unwrap();
+        let answers = ping_answers(&heard);
+        assert_eq!(answers.len(), 40);
+        let bytes: Vec<u8> = heard.iter().map(|heard| heard.byte).collect();
+        let text = String::from_utf8_lossy(&bytes);
+        assert!(text.contains(&format!("log not saved: {told}")), "{logged}");
+        let good = Card::holding(&volume::formatted(Kind::Fat16));
+        board.swap_card(Some(good)).unwrap();
+        board.run_to(WorldNanos(12 * SECOND)).unwrap();
+        assert!(texts(&mut board).contains("40 samples saved to the card, file 1"));
+        let card = board.swap_card(None).unwrap().unwrap();
+        let files = volume::files(&card.image());
+        assert_is_the_log(&files[FIRST_FILE].contents, &answers);
+    }
+}
+
+/// PINGs come so far apart, and the last one so long after the test's end, in the runs with a full log.
+const APART_NS: u64 = 3 * MS;
+const FULL: u64 = 8_192;
+const END_OF_FULL: WorldNanos = WorldNanos(FIRST_PING.0 + FULL * APART_NS + APART_NS / 2);
+const PINGED_AFTER_NS: u64 = 6 * SECOND;
+
+/// What is to be seen of the clock in a run with a full log.
+struct Traces {
+    answers: Vec<(u32, u64)>,
+    /// The clock's readings while the card is written, in ns of UTC.
+    readings: Vec<i64>,
+    last_status: String,
+    saved: Vec<String>,
+    took_us: u64,
+    card: Option<Card>,
+}
+
+/// A full log is written to `card` while PINGs and the receiver go on.
+fn traces(firmware: &Firmware, card: Option<Card>) -> Traces {
+    let mut telem1 = some_pings(FULL + PINGED_AFTER_NS / APART_NS, APART_NS);
+    telem1.push(end_of_test(END_OF_FULL));
+    let mut board = board(firmware, telem1);
+    if let Some(card) = card {
+        board = board.card(card);
+    }
+    let mut board = board.power_on().unwrap();
+    board.run_to(END_OF_FULL).unwrap();
+    let mut readings = Vec::new();
+    for _ in 0..PINGED_AFTER_NS / (10 * MS) {
+        board.run_for(10 * MS).unwrap();
+        readings.push(board.clock().unwrap().reading.utc.0);
+    }
+    board.run_for(SECOND).unwrap();
+    let answers = ping_answers(&board.take_heard(Connector::Telem1).unwrap());
+    let log = board.take_log().unwrap();
+    let texts = log.iter().map(|logged| logged.line.text.as_str());
+    let last_status = texts.clone().rfind(|text| text.starts_with("status"));
+    let saved: Vec<_> = texts
+        .filter(|text| text.starts_with("the log is"))
+        .collect();
+    let took = saved.first().and_then(|text| text.split("took ").nth(1));
+    assert_eq!(board.damaged_log_frames().unwrap(), 0);
+    assert_eq!(board.gaps().unwrap(), virtual_pixhawk::Gaps::default());
+    Traces {
+        answers,
+        readings,
+        last_status: last_status.expect("a status each second").to_owned(),
+        took_us: took
+            .and_then(|text| text.split(' ').next()?.parse().ok())
+            .unwrap(),
+        saved: saved.into_iter().map(str::to_owned).collect(),
+        card: board.swap_card(None).unwrap(),
+    }
+}
+
+/// The most that two runs differ, in the unit of both.
+fn apart<T: Copy + Into<i128>>(a: &[T], b: &[T]) -> i128 {
+    assert_eq!(a.len(), b.len());
+    let differences = a.iter().zip(b).map(|(&a, &b)| (a.into() - b.into()).abs());
+    differences.max().unwrap_or_default()
+}
+
+#[test]
+fn writing_a_full_log_does_not_disturb_the_clock() {
+    let Some(firmware) = image() else { return };
+    let blank = volume::formatted(Kind::Fat16);
+    let without = traces(&firmware, None);
+    let damaged = Card::holding(&blank)
+        .fault(Transfer::Read, 1, Fault::Damaged)
+        .fault(Transfer::Read, 5, Fault::AnswerDamaged)
+        .fault(Transfer::Write, 3, Fault::Lost)
+        .fault(Transfer::Write, 100, Fault::Damaged)
+        .fault(Transfer::Write, 101, Fault::Damaged)
+        .fault(Transfer::Write, 500, Fault::AnswerDamaged)
+        .fault(Transfer::Write, 900, Fault::Lost);
+    for (card, errors) in [
+        (Card::holding(&blank), ""),
+        (damaged, " card_crc=5 card_timeout=2"),
+    ] {
+        let with = traces(&firmware, Some(card));
+        println!(
+            "{} in {} µs; {}",
+            with.saved[0], with.took_us, with.last_status
+        );
+        assert_eq!(with.saved.len(), 1);
+        assert!(with.saved[0].starts_with("the log is saved: file 1, samples 8192,"));
+        let us = |run: &Traces| -> Vec<u64> { run.answers.iter().map(|&(_, us)| us).collect() };
+        let (stamps_us, readings_ns) = (
+            apart(&us(&with), &us(&without)),
+            apart(&with.readings, &without.readings),
+        );
+        println!("PINGs at most {stamps_us} µs, the clock at most {readings_ns} ns apart");
+        assert!(stamps_us <= 1 && readings_ns <= 1_000);
+        assert!(with.last_status.contains(" lost_ticks=0"));
+        for counter in ["overrun", "incoming_full", "outgoing_full", "crc_failures"] {
+            assert!(!with.last_status.contains(counter), "{}", with.last_status);
+        }
+        let counted = with
+            .last_status
+            .find(" card_")
+            .map(|at| &with.last_status[at..]);
+        assert_eq!(counted.unwrap_or_default(), errors);
+        let image = with.card.expect("it is in the slot").image();
+        assert_is_the_log(
+            &volume::files(&image)[FIRST_FILE].contents,
+            &with.answers[..FULL as usize],
+        );
+    }
+}

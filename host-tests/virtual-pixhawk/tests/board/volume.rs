@@ -1,0 +1,82 @@
+//! Images of memory cards, made and read by `fatfs`: another hand than the firmware's.
+
+use std::collections::BTreeMap;
+use std::io::{Cursor, Read as _, Write as _};
+
+use fatfs::{DateTime, FileSystem, FormatVolumeOptions, FsOptions};
+
+const BLOCK: usize = 512;
+/// Where the partition begins, in blocks, as on cards from a shop.
+const FIRST: usize = 2_048;
+
+/// The kinds of FAT that a card can have.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Kind {
+    Fat12,
+    Fat16,
+    Fat32,
+}
+
+/// An empty card: a master boot record with one partition, and a volume of that kind in it.
+pub(crate) fn formatted(kind: Kind) -> Vec<u8> {
+    // MB of the partition, its type, and bytes of a cluster: the smallest of each kind.
+    let (megabytes, partition, cluster, fat) = match kind {
+        Kind::Fat12 => (1, 0x01, 512, fatfs::FatType::Fat12),
+        Kind::Fat16 => (15, 0x06, 1_024, fatfs::FatType::Fat16),
+        Kind::Fat32 => (35, 0x0C, 512, fatfs::FatType::Fat32),
+    };
+    let blocks = megabytes * 2_048;
+    let mut image = vec![0; (FIRST + blocks) * BLOCK];
+    let entry = &mut image[446..462];
+    entry[4] = partition;
+    entry[8..12].copy_from_slice(&(FIRST as u32).to_le_bytes());
+    entry[12..16].copy_from_slice(&(blocks as u32).to_le_bytes());
+    image[510..512].copy_from_slice(&[0x55, 0xAA]);
+    let options = FormatVolumeOptions::new()
+        .fat_type(fat)
+        .bytes_per_cluster(cluster);
+    fatfs::format_volume(partition_of(&mut image), options).unwrap();
+    image
+}
+
+/// A file of a card.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct File {
+    pub(crate) contents: Vec<u8>,
+    pub(crate) modified: DateTime,
+}
+
+/// The files in the root of a card.
+pub(crate) fn files(image: &[u8]) -> BTreeMap<String, File> {
+    let mut image = image.to_vec();
+    let volume = FileSystem::new(partition_of(&mut image), FsOptions::new()).unwrap();
+    let root = volume.root_dir();
+    root.iter()
+        .map(|entry| {
+            let entry = entry.unwrap();
+            let mut contents = Vec::new();
+            entry.to_file().read_to_end(&mut contents).unwrap();
+            assert_eq!(contents.len() as u64, entry.len(), "{}", entry.file_name());
+            let modified = entry.modified();
+            (entry.file_name(), File { contents, modified })
+        })
+        .collect()
+}
+
+/// Puts a file of `len` bytes on it.
+pub(crate) fn put(image: &mut [u8], name: &str, len: usize) {
+    let volume = FileSystem::new(partition_of(image), FsOptions::new()).unwrap();
+    let mut file = volume.root_dir().create_file(name).unwrap();
+    file.write_all(&vec![b'x'; len]).unwrap();
+}
+
+/// Bytes that are free on it.
+pub(crate) fn free_bytes(image: &mut [u8]) -> usize {
+    let volume = FileSystem::new(partition_of(image), FsOptions::new()).unwrap();
+    let stats = volume.stats().unwrap();
+    stats.free_clusters() as usize * stats.cluster_size() as usize
+}
+
+fn partition_of(image: &mut [u8]) -> Cursor<&mut [u8]> {
+    Cursor::new(&mut image[FIRST * BLOCK..])
+}

@@ -14,6 +14,7 @@ mod clock;
 mod common;
 #[cfg(test)]
 mod log;
+mod paper;
 #[cfg(test)]
 mod pulse;
 #[cfg(test)]

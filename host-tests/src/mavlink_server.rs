@@ -11,9 +11,7 @@ use std::net::{TcpListener, TcpStream};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use mavlink_node::{
-    Ask, Command, Config, Fix, GpsFix, Holdings, Node, NodeTime, Parameter, Test,
-};
+use mavlink_node::{Ask, Command, Config, Fix, GpsFix, Holdings, Node, NodeTime, Parameter, Test};
 use timebase::{Cycles, StampedByte};
 
 /// How the node's clock stands.

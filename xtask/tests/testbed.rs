@@ -106,7 +106,11 @@ fn a_board_that_reboots_is_told_and_what_it_said_before_is_kept() {
     behaviours[1].mishap = Some((Duration::from_secs(3), Mishap::Reboots));
     let output = testbed(&boards(&behaviours), 30, &out, &[]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(told(&output).contains("it rebooted 2."), "{}", told(&output));
+    assert!(
+        told(&output).contains("it rebooted 2."),
+        "{}",
+        told(&output)
+    );
     let summary = summary(&output);
     // Until then 50 a second, and no sample from after.
     assert!((100..=150).contains(&used(&summary, 1)), "{summary:#}");
@@ -120,7 +124,11 @@ fn a_board_without_its_receiver_is_told_and_what_it_said_before_is_kept() {
     behaviours[0].mishap = Some((Duration::from_secs(6), Mishap::LosesReceiver));
     let output = testbed(&boards(&behaviours), 9, &out, &[]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(told(&output).contains("it lost its receiver"), "{}", told(&output));
+    assert!(
+        told(&output).contains("it lost its receiver"),
+        "{}",
+        told(&output)
+    );
     let summary = summary(&output);
     assert!((100..=250).contains(&used(&summary, 0)), "{summary:#}");
     assert!(used(&summary, 1) > 350);
@@ -133,7 +141,11 @@ fn a_board_that_falls_silent_is_told_and_what_it_said_before_is_kept() {
     behaviours[1].mishap = Some((Duration::from_secs(2), Mishap::FallsSilent));
     let output = testbed(&boards(&behaviours), 30, &out, &[]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(told(&output).contains("it fell silent"), "{}", told(&output));
+    assert!(
+        told(&output).contains("it fell silent"),
+        "{}",
+        told(&output)
+    );
     let summary = summary(&output);
     assert!((50..=100).contains(&used(&summary, 1)), "{summary:#}");
     assert!(summary["ways"][0]["runs"][0]["lasted_s"].as_u64() < Some(15));
@@ -179,13 +191,25 @@ fn nobody_at_an_address_is_said() {
     addresses.push(format!("tcp:{}", deaf.local_addr().expect("its address")));
     let output = testbed(&addresses, 1, &out, &[]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(told(&output).contains("no board answers at tcp:127"), "{}", told(&output));
+    assert!(
+        told(&output).contains("no board answers at tcp:127"),
+        "{}",
+        told(&output)
+    );
     addresses[1] = "serial:/dev/there-is-none".to_owned();
     let output = testbed(&addresses, 1, &out, &[]);
-    assert!(told(&output).contains("there is no /dev/there-is-none"), "{}", told(&output));
+    assert!(
+        told(&output).contains("there is no /dev/there-is-none"),
+        "{}",
+        told(&output)
+    );
     let output = testbed(&["tcp:here".to_owned(), addresses[0].clone()], 1, &out, &[]);
     assert_eq!(output.status.code(), Some(2));
-    assert!(told(&output).contains("allowed: tcp:HOST:PORT"), "{}", told(&output));
+    assert!(
+        told(&output).contains("allowed: tcp:HOST:PORT"),
+        "{}",
+        told(&output)
+    );
 }
 
 #[cfg(unix)]
@@ -197,12 +221,18 @@ fn a_port_that_somebody_else_holds_is_said() {
     let (_far_end, near_end) = serialport::TTYPort::pair().expect("a terminal");
     let device = near_end.name().expect("its name");
     drop(near_end);
-    let _held = serialport::new(&device, 115_200).open().expect("the first one");
+    let _held = serialport::new(&device, 115_200)
+        .open()
+        .expect("the first one");
     let mut addresses = boards(&behaviours()[..1]);
     addresses.push(format!("serial:{device}"));
     let output = testbed(&addresses, 1, &out, &[]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(told(&output).contains("if another program holds it"), "{}", told(&output));
+    assert!(
+        told(&output).contains("if another program holds it"),
+        "{}",
+        told(&output)
+    );
 }
 
 #[cfg(target_os = "linux")]
@@ -216,7 +246,10 @@ fn a_full_disk_costs_no_sample() {
     let output = testbed(&boards(&behaviours()), 2, &out, &[]);
     assert_eq!(output.status.code(), Some(1));
     let told = told(&output);
-    assert!(told.contains("cannot write") && told.contains("samples-1.csv"), "{told}");
+    assert!(
+        told.contains("cannot write") && told.contains("samples-1.csv"),
+        "{told}"
+    );
     assert!(told.contains("everything was written to"), "{told}");
     assert_eq!(lines(&folder.join("samples-2.csv")), 101);
     let elsewhere = std::fs::read_dir(kept.path().join("elsewhere")).expect("a folder");
@@ -245,6 +278,10 @@ fn ctrl_c_keeps_what_was_measured() {
     assert!(interrupt.expect("kill runs").success());
     let output = child.wait_with_output().expect("it ends");
     assert_eq!(output.status.code(), Some(0), "{}", told(&output));
-    assert!(told(&output).contains("stopped by Ctrl-C"), "{}", told(&output));
+    assert!(
+        told(&output).contains("stopped by Ctrl-C"),
+        "{}",
+        told(&output)
+    );
     assert!(lines(&out.join("pixclock").join("seed-1").join("samples-1.csv")) > 10);
 }

@@ -20,6 +20,8 @@ mod drivers;
 #[cfg(target_os = "none")]
 mod fault;
 #[cfg(target_os = "none")]
+mod holdings;
+#[cfg(target_os = "none")]
 mod priorities;
 #[cfg(target_os = "none")]
 mod samples;

@@ -84,15 +84,21 @@ fn seen(when: Cycles) -> Cycles {
     }
 }
 
-/// The node's time at `when`, for MAVLink.
+/// The clock at `when`, and the time that the node tells of it.
 #[inline(never)]
-pub fn node_time(when: Cycles) -> NodeTime {
+pub fn told_at(when: Cycles) -> (NodeTime, Reading) {
     let when = seen(when);
     let reading = CLOCK.reading_at(when);
-    NodeTime {
+    let time = NodeTime {
         boot_us: when.as_micros(),
         utc_ns: (reading.state != ClockState::Unset).then_some(reading.utc.0),
-    }
+    };
+    (time, reading)
+}
+
+/// The node's time at `when`, for MAVLink.
+pub fn node_time(when: Cycles) -> NodeTime {
+    told_at(when).0
 }
 
 /// What the GNSS task has counted and seen.

@@ -20,12 +20,22 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use timebase::{Stamp, StampedByte};
 
-/// Id, CRC_EXTRA, length in MAVLink 1, lengths in MAVLink 2.
-const KINDS: [(u8, u8, usize, std::ops::RangeInclusive<usize>); 4] = [
-    (4, 237, 14, 1..=14),
-    (111, 34, 16, 1..=18),
-    (76, 152, 33, 31..=33),
-    (75, 158, 35, 31..=35),
+/// Id, CRC_EXTRA, length in MAVLink 1 if it is wanted there, lengths in MAVLink 2: up
+/// to the target's system at least.
+const KINDS: [(u8, u8, Option<usize>, std::ops::RangeInclusive<usize>); 11] = [
+    (4, 237, Some(14), 1..=14),
+    (111, 34, Some(16), 1..=18),
+    (76, 152, Some(33), 31..=33),
+    (75, 158, Some(35), 31..=35),
+    // PARAM_REQUEST_READ, _LIST, PARAM_SET.
+    (20, 214, None, 3..=20),
+    (21, 159, Some(2), 1..=2),
+    (23, 168, None, 5..=23),
+    // LOG_REQUEST_LIST, _DATA, LOG_ERASE, LOG_REQUEST_END.
+    (117, 128, Some(6), 5..=6),
+    (119, 116, Some(12), 11..=12),
+    (121, 237, Some(2), 1..=2),
+    (122, 203, Some(2), 1..=2),
 ];
 
 /// A frame that was found: where it starts, how long it is, whether signed.
@@ -60,7 +70,7 @@ fn intact_at(stream: &[u8], start: usize) -> Option<Found> {
     };
     let (_, extra, v1, v2) = KINDS.iter().find(|kind| kind.0 == id)?;
     let possible = if header == 6 {
-        len == *v1
+        Some(len) == *v1
     } else {
         v2.contains(&len)
     };
@@ -156,10 +166,11 @@ fn wanted() -> impl Strategy<Value = Frame> {
         .prop_map(
             |(kind, v2, [sequence, system, component, ..], mut payload, trim)| {
                 let (id, extra, v1, lengths) = KINDS[kind].clone();
-                let len = if v2 {
-                    lengths.start() + usize::from(trim) % (lengths.end() - lengths.start() + 1)
-                } else {
-                    v1
+                let of_v2 =
+                    lengths.start() + usize::from(trim) % (lengths.end() - lengths.start() + 1);
+                let (v2, len) = match v1 {
+                    Some(len) if !v2 => (false, len),
+                    _ => (true, of_v2),
                 };
                 payload.truncate(len);
                 Frame {
@@ -178,8 +189,11 @@ fn wanted() -> impl Strategy<Value = Frame> {
 
 /// Bytes that look like the beginnings of frames.
 fn misleading() -> impl Strategy<Value = Vec<u8>> {
-    let byte =
-        prop::sample::select(&[0xfe, 0xfd, 14, 16, 33, 35, 4, 111, 76, 75, 0, 1, 13, 200][..]);
+    let byte = prop::sample::select(
+        &[
+            0xfe, 0xfd, 14, 16, 33, 35, 4, 111, 76, 75, 2, 6, 12, 20, 21, 23, 117, 121, 0, 1, 200,
+        ][..],
+    );
     let header = wanted().prop_map(|frame| {
         let bytes = frame.bytes();
         bytes[..bytes.len().min(12)].to_vec()
@@ -271,7 +285,9 @@ fn a_false_header_anywhere_in_a_frame_does_it_no_harm() {
         for (at, false_v2) in (0..len).flat_map(|at| [(at, false), (at, true)]) {
             for inner in KINDS {
                 let mut payload = vec![0x55; len];
-                let header = Frame::message(false_v2, inner.0.into(), 0, vec![1; inner.2]).bytes();
+                let inner_len = inner.2.unwrap_or(*inner.3.end());
+                let header =
+                    Frame::message(false_v2, inner.0.into(), 0, vec![1; inner_len]).bytes();
                 for (place, byte) in payload[at..len - 1].iter_mut().zip(&header[..10]) {
                     *place = *byte;
                 }
@@ -303,15 +319,20 @@ fn checked_in_vain(pattern: &[u8]) -> u32 {
 
 #[test]
 fn the_worst_noise_has_one_candidate_in_three_bytes() {
-    // Every pattern of up to six of the bytes that can be part of a header.
-    let bytes = [0xfe, 0xfd, 14, 16, 4, 111, 0];
+    // Every short pattern of the bytes that can be part of a header: of one length and
+    // one id for each version, then of those that are lengths and ids.
     let mut worst = (0, Vec::new());
-    for period in 1..=6 {
-        for number in 0..bytes.len().pow(period) {
-            let pattern: Vec<u8> = (0..period)
-                .map(|place| bytes[number / bytes.len().pow(place) % bytes.len()])
-                .collect();
-            worst = worst.max((checked_in_vain(&pattern), pattern));
+    for (bytes, longest) in [
+        (&[0xfe, 0xfd, 14, 16, 4, 111, 0][..], 6),
+        (&[0xfe, 0xfd, 2, 12, 4, 20, 21, 23, 119, 0], 5),
+    ] {
+        for period in 1..=longest {
+            for number in 0..bytes.len().pow(period) {
+                let pattern: Vec<u8> = (0..period)
+                    .map(|place| bytes[number / bytes.len().pow(place) % bytes.len()])
+                    .collect();
+                worst = worst.max((checked_in_vain(&pattern), pattern));
+            }
         }
     }
     assert!((330..=334).contains(&worst.0), "{worst:?}");
@@ -322,7 +343,9 @@ fn the_worst_noise_has_one_candidate_in_three_bytes() {
 fn longer_patterns_are_no_worse() {
     // A search that keeps what it cannot better: random changes to random
     // patterns, with a fixed seed.
-    let bytes = [0xfe, 0xfd, 14, 16, 33, 35, 4, 111, 76, 75, 0, 1, 0x55];
+    let bytes = [
+        0xfe, 0xfd, 14, 16, 33, 35, 4, 111, 76, 75, 2, 6, 12, 20, 21, 23, 117, 119, 122, 0, 1, 0x55,
+    ];
     let mut random = fastrand::Rng::with_seed(0x6d61_766c);
     for _ in 0..60 {
         let mut pattern: Vec<u8> = (0..random.usize(7..40))

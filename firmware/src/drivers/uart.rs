@@ -321,13 +321,18 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Puts a whole frame into the ring, or none of it.
+    /// Bytes that have not left the ring yet.
+    pub fn waiting(&self) -> usize {
+        self.outgoing.len()
+    }
+
+    /// Puts a whole frame into the ring, or none of it; whether there was room.
     #[inline(never)]
-    pub fn send(&mut self, frame: &[u8]) {
+    pub fn send(&mut self, frame: &[u8]) -> bool {
         let room = self.outgoing.capacity() - self.outgoing.len();
         if room < frame.len() {
             self.line.count(Kind::OutgoingFull);
-            return;
+            return false;
         }
         for &byte in frame {
             // Room was found above, and only we fill it.
@@ -337,6 +342,7 @@ impl Writer {
         // A UART raises its interrupt now. QEMU's does so from release 8 on; before
         // that somebody else has to.
         NVIC::pend(self.line.interrupt);
+        true
     }
 
     /// Whether everything has left the wire.

@@ -1,20 +1,40 @@
 //! The MAVLink task: requests in, answers out, and what a good citizen says once
 //! a second.
+//!
+//! *Design.* Answers go into the outgoing ring at once. What takes many frames, the
+//! parameters and the log, follows at the line's own pace: a frame only while hardly
+//! anything waits in the ring, so that there is room for the answers to all requests
+//! that can come in meanwhile.
 
-use embassy_futures::select::{Either, select};
-use embassy_time::{Duration, Ticker};
+use core::future::pending;
+
+use embassy_futures::select::{Either3, select3};
+use embassy_time::{Duration, Ticker, Timer};
 use heapless::{String, Vec};
-use mavlink_node::{Config, Fix, GpsFix, Node, PingReply, Severity};
+use mavlink_node::{Ask, Command, Config, Fix, GpsFix, Node, PingReply, Request, Severity, Test};
+use sample_log::{Kept, Sample, SampleLog, State};
 use timebase::{CORE_HZ, StampedByte};
+use utc_clock::{ClockState, Reading};
 
 use crate::drivers::time;
 use crate::drivers::uart::{INCOMING, Reader, Writer};
+use crate::holdings;
+use crate::samples::SAMPLES;
 use crate::settings;
 use crate::shared::{self, GNSS, MAVLINK, MavlinkReport, NEWS, News};
 use crate::storage::NotSaved;
 
 /// A solution is told for so long, in cycles: 2 s. Then the receiver is silent.
 const FIX_LASTS: i64 = 2 * CORE_HZ as i64;
+
+/// With so many bytes or fewer in the outgoing ring, the next frame of a long answer
+/// may follow: they last 5.5 ms at 115200. 173 bytes at most wait then, of 1023: the
+/// rest has room for an answer to each request in a full incoming ring (19, of 26 bytes
+/// each) and for what is told each second.
+const NEXT_BELOW: usize = 64;
+
+/// How often that is looked at, shorter than these bytes last.
+const PACE: Duration = Duration::from_millis(5);
 
 /// Runs for ever, on the prompt executor.
 #[embassy_executor::task]
@@ -31,8 +51,16 @@ pub async fn run(mut reader: Reader, mut writer: Writer) {
     let mut batch = [StampedByte::default(); INCOMING];
     let mut beat = Ticker::every(Duration::from_secs(1));
     loop {
-        let woken = select(reader.wait(), beat.next()).await;
-        if matches!(woken, Either::Second(())) {
+        let has_more = node.has_more();
+        let pace = async move {
+            if has_more {
+                Timer::after(PACE).await;
+            } else {
+                pending::<()>().await;
+            }
+        };
+        let woken = select3(reader.wait(), beat.next(), pace).await;
+        if matches!(woken, Either3::Second(())) {
             once_a_second(&mut node, &mut writer);
             MAVLINK.tell(MavlinkReport {
                 node: node.counters(),
@@ -50,10 +78,58 @@ pub async fn run(mut reader: Reader, mut writer: Writer) {
         });
         for &byte in batch.get(..waiting).unwrap_or_default() {
             if let Some(request) = node.receive(byte, now) {
-                let answer = node.answer(&request, shared::node_time(request.arrival));
-                writer.send(&answer);
+                serve(&mut node, &mut writer, &request);
             }
         }
+        while node.has_more()
+            && writer.waiting() <= NEXT_BELOW
+            && let Some(frame) = node.poll(&holdings::Board)
+        {
+            writer.send(&frame);
+        }
+    }
+}
+
+/// Does what is asked, and answers.
+#[inline(never)]
+fn serve(node: &mut Node, writer: &mut Writer, request: &Request) {
+    let (time, reading) = shared::told_at(request.arrival);
+    match request.ask {
+        Ask::Command(Command {
+            meaning: Ok(Test::Ends),
+            ..
+        }) => SAMPLES.end_test(),
+        Ask::Command(Command {
+            meaning: Ok(Test::Begins),
+            ..
+        })
+        | Ask::EraseLog => SAMPLES.with(SampleLog::clear),
+        Ask::Command(_) | Ask::Ping { .. } | Ask::TimeSync { .. } => {}
+    }
+    let is_answered = writer.send(&node.answer(request, time));
+    if let Ask::Ping { time_usec, seq } = request.ask
+        && is_answered
+    {
+        record(time_usec, seq, time.rtos_ns(), reading);
+    }
+}
+
+/// Keeps a PING that was answered in the log.
+fn record(ping_us: u64, sequence: u32, board_ns: i64, reading: Reading) {
+    let sample = Sample {
+        board_ns,
+        ping_us,
+        sequence,
+        state: match reading.state {
+            ClockState::Unset => State::Unset,
+            ClockState::Set => State::Set,
+            ClockState::Holdover => State::Holdover,
+        },
+        uncertainty_ns: reading.uncertainty_ns,
+    };
+    if SAMPLES.with(|log| log.record(&sample)) == Kept::Last {
+        // A full queue means that nobody listens; PC_LOG_MISSED has it.
+        let _ = NEWS.try_send(News::LogFull);
     }
 }
 

@@ -98,7 +98,8 @@ struct Mavlink(Option<MavlinkReport>);
 impl Format for Mavlink {
     fn format(&self, f: Formatter) {
         let Some(report) = self.0 else { return };
-        nonzero!(f, report.node, "mav_": timesyncs, commands, answers, for_others);
+        nonzero!(f, report.node, "mav_": timesyncs, commands, parameters, logs, unknown, answers,
+            for_others);
         nonzero!(f, report.node.framing, "mav_": crc_failures, abandoned, unknown_flags, signed,
             foreign_bytes);
         nonzero!(f, report.line, "mav_": overrun, framing, noise, incoming_full, outgoing_full);

@@ -287,7 +287,7 @@ fn nav_pvt(firmware: &Firmware) -> anyhow::Result<Row> {
 fn ping(firmware: &Firmware) -> anyhow::Result<Row> {
     /// The checksum, the fields, the answer.
     const STEPS: [&str; 3] = [
-        "Framer<mavlink_node::node::Requests>>::longest_intact",
+        "Framer<mavlink_node::node::Requests, 35>>::longest_intact",
         "node::Node>::request",
         "node::Node>::answer",
     ];
@@ -393,7 +393,44 @@ const MAVLINK_NOISE: &[(&str, &[u8])] = &[
     ("PING 1 headers", &[0xfe, 14, 0, 255, 190, 4]),
     ("TIMESYNC 1 headers, each third byte", &[0xfe, 16, 111]),
     ("COMMAND_LONG 1 headers, each third byte", &[0xfe, 33, 76]),
+    (
+        "PARAM_REQUEST_LIST 1 headers, each third byte",
+        &[0xfe, 2, 21],
+    ),
+    (
+        "LOG_REQUEST_LIST 1 headers, each third byte",
+        &[0xfe, 6, 117],
+    ),
+    (
+        "LOG_REQUEST_DATA 1 headers, each third byte",
+        &[0xfe, 12, 119],
+    ),
+    // Frames of 2, 35 and 14 bytes, and of 12 and 33.
+    (
+        "three MAVLink 1 frames with one end",
+        &[0xfe, 2, 4, 0xfe, 35, 121, 0xfe, 14, 75],
+    ),
+    (
+        "two MAVLink 1 frames with one end",
+        &[0xfe, 12, 76, 0xfe, 33, 119],
+    ),
     ("PING 2 headers", &[0xfd, 14, 0, 0, 0, 255, 190, 4, 0, 0]),
+    (
+        "PING 2 headers, two in ten bytes",
+        &[0xfd, 4, 0, 0, 0xfd, 1, 0, 4, 0, 0],
+    ),
+    (
+        "PARAM_REQUEST_READ 2 headers, two in ten bytes",
+        &[0xfd, 20, 0, 0, 0xfd, 20, 0, 20, 0, 0],
+    ),
+    (
+        "PARAM_SET 2 headers, two in ten bytes",
+        &[0xfd, 23, 0, 0, 0xfd, 23, 0, 23, 0, 0],
+    ),
+    (
+        "LOG_ERASE 2 headers",
+        &[0xfd, 1, 0, 0, 0, 255, 190, 121, 0, 0],
+    ),
     (
         "shortest PING 2 headers",
         &[0xfd, 1, 0, 0, 0, 255, 190, 4, 0, 0],

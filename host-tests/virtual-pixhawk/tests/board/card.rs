@@ -1,11 +1,12 @@
 //! The log of a test on the memory card: the file is right, each fault is told by its kind and loses
 //! nothing, and the clock does not feel any of it.
 
-use crate::common::{MS, SECOND, START_UTC_NS, image, ping_answers, pings, receiver_settings};
+use crate::common::{
+    BAUD, MS, SECOND, START_UTC_NS, image, ping_answers, pings, receiver_settings,
+};
 use crate::volume::{self, Kind};
-use console::Status;
-use mavlink_node::Version;
-use mavlink_node::crc;
+use mavlink_node::client::Client;
+use mavlink_node::{Address, Test, Version};
 use sample_log::csv;
 use virtual_pixhawk::{Builder, Card, Connector, Fault, Firmware, Pixhawk, Script, Transfer};
 use world::{Receiver, Transmission, WorldNanos};
@@ -17,17 +18,13 @@ const FIRST_PING: WorldNanos = WorldNanos(3 * SECOND);
 
 /// The command that ends a test, from a ground station to the board.
 fn end_of_test(at: WorldNanos) -> Transmission {
-    let mut payload = 1_f32.to_le_bytes().repeat(7);
-    payload.extend(31_010_u16.to_le_bytes());
-    payload.extend([1, 1, 0]);
-    let mut bytes = vec![0xfe, payload.len() as u8, 0, 255, 190, 76];
-    bytes.extend(payload);
-    let extra = crc::over(crc::over(crc::INIT, &bytes[1..]), &[152]);
-    bytes.extend(extra.to_le_bytes());
+    let [station, board] =
+        [(255, 190), (1, 1)].map(|(system, component)| Address { system, component });
+    let mut client = Client::new(station, Version::V2);
     Transmission {
         start: at,
-        bytes,
-        baud: crate::common::BAUD,
+        bytes: client.test(board, Test::Ends).to_vec(),
+        baud: BAUD,
     }
 }
 
@@ -73,12 +70,6 @@ fn texts(board: &mut Pixhawk) -> String {
     let heard = board.take_heard(Connector::Telem1).unwrap();
     let bytes: Vec<u8> = heard.iter().map(|heard| heard.byte).collect();
     String::from_utf8_lossy(&bytes).into_owned()
-}
-
-fn last_status(board: &mut Pixhawk) -> Status {
-    let log = board.take_log().unwrap();
-    let statuses = log.iter().filter_map(|l| Status::parse(&l.line.text));
-    statuses.last().expect("a status each second")
 }
 
 /// Asserts that a file has a line for each PING, with the time that it was answered with.
@@ -227,5 +218,115 @@ fn every_trouble_is_told_by_its_kind_and_a_good_card_then_gets_all_of_it() {
         let card = board.swap_card(None).unwrap().unwrap();
         let files = volume::files(&card.image());
         assert_is_the_log(&files[FIRST_FILE].contents, &answers);
+    }
+}
+
+/// PINGs come so far apart, and the last one so long after the test's end, in the runs with a full log.
+const APART_NS: u64 = 3 * MS;
+const FULL: u64 = 8_192;
+const END_OF_FULL: WorldNanos = WorldNanos(FIRST_PING.0 + FULL * APART_NS + APART_NS / 2);
+const PINGED_AFTER_NS: u64 = 6 * SECOND;
+
+/// What is to be seen of the clock in a run with a full log.
+struct Traces {
+    answers: Vec<(u32, u64)>,
+    /// The clock's readings while the card is written, in ns of UTC.
+    readings: Vec<i64>,
+    last_status: String,
+    saved: Vec<String>,
+    took_us: u64,
+    card: Option<Card>,
+}
+
+/// A full log is written to `card` while PINGs and the receiver go on.
+fn traces(firmware: &Firmware, card: Option<Card>) -> Traces {
+    let mut telem1 = some_pings(FULL + PINGED_AFTER_NS / APART_NS, APART_NS);
+    telem1.push(end_of_test(END_OF_FULL));
+    let mut board = board(firmware, telem1);
+    if let Some(card) = card {
+        board = board.card(card);
+    }
+    let mut board = board.power_on().unwrap();
+    board.run_to(END_OF_FULL).unwrap();
+    let mut readings = Vec::new();
+    for _ in 0..PINGED_AFTER_NS / (10 * MS) {
+        board.run_for(10 * MS).unwrap();
+        readings.push(board.clock().unwrap().reading.utc.0);
+    }
+    board.run_for(SECOND).unwrap();
+    let answers = ping_answers(&board.take_heard(Connector::Telem1).unwrap());
+    let log = board.take_log().unwrap();
+    let texts = log.iter().map(|logged| logged.line.text.as_str());
+    let last_status = texts.clone().rfind(|text| text.starts_with("status"));
+    let saved: Vec<_> = texts
+        .filter(|text| text.starts_with("the log is"))
+        .collect();
+    let took = saved.first().and_then(|text| text.split("took ").nth(1));
+    assert_eq!(board.damaged_log_frames().unwrap(), 0);
+    assert_eq!(board.gaps().unwrap(), virtual_pixhawk::Gaps::default());
+    Traces {
+        answers,
+        readings,
+        last_status: last_status.expect("a status each second").to_owned(),
+        took_us: took
+            .and_then(|text| text.split(' ').next()?.parse().ok())
+            .unwrap(),
+        saved: saved.into_iter().map(str::to_owned).collect(),
+        card: board.swap_card(None).unwrap(),
+    }
+}
+
+/// The most that two runs differ, in the unit of both.
+fn apart<T: Copy + Into<i128>>(a: &[T], b: &[T]) -> i128 {
+    assert_eq!(a.len(), b.len());
+    let differences = a.iter().zip(b).map(|(&a, &b)| (a.into() - b.into()).abs());
+    differences.max().unwrap_or_default()
+}
+
+#[test]
+fn writing_a_full_log_does_not_disturb_the_clock() {
+    let Some(firmware) = image() else { return };
+    let blank = volume::formatted(Kind::Fat16);
+    let without = traces(&firmware, None);
+    let damaged = Card::holding(&blank)
+        .fault(Transfer::Read, 1, Fault::Damaged)
+        .fault(Transfer::Read, 5, Fault::AnswerDamaged)
+        .fault(Transfer::Write, 3, Fault::Lost)
+        .fault(Transfer::Write, 100, Fault::Damaged)
+        .fault(Transfer::Write, 101, Fault::Damaged)
+        .fault(Transfer::Write, 500, Fault::AnswerDamaged)
+        .fault(Transfer::Write, 900, Fault::Lost);
+    for (card, errors) in [
+        (Card::holding(&blank), ""),
+        (damaged, " card_crc=5 card_timeout=2"),
+    ] {
+        let with = traces(&firmware, Some(card));
+        println!(
+            "{} in {} µs; {}",
+            with.saved[0], with.took_us, with.last_status
+        );
+        assert_eq!(with.saved.len(), 1);
+        assert!(with.saved[0].starts_with("the log is saved: file 1, samples 8192,"));
+        let us = |run: &Traces| -> Vec<u64> { run.answers.iter().map(|&(_, us)| us).collect() };
+        let (stamps_us, readings_ns) = (
+            apart(&us(&with), &us(&without)),
+            apart(&with.readings, &without.readings),
+        );
+        println!("PINGs at most {stamps_us} µs, the clock at most {readings_ns} ns apart");
+        assert!(stamps_us <= 1 && readings_ns <= 1_000);
+        assert!(with.last_status.contains(" lost_ticks=0"));
+        for counter in ["overrun", "incoming_full", "outgoing_full", "crc_failures"] {
+            assert!(!with.last_status.contains(counter), "{}", with.last_status);
+        }
+        let counted = with
+            .last_status
+            .find(" card_")
+            .map(|at| &with.last_status[at..]);
+        assert_eq!(counted.unwrap_or_default(), errors);
+        let image = with.card.expect("it is in the slot").image();
+        assert_is_the_log(
+            &volume::files(&image)[FIRST_FILE].contents,
+            &with.answers[..FULL as usize],
+        );
     }
 }

@@ -1,0 +1,46 @@
+//! What the MAVLink node is asked for beside the time: its parameters and the log.
+//!
+//! *Design.* Settings as they were built in; the rest is looked up when it is asked for.
+
+use mavlink_node::{Holdings, Parameter};
+use sample_log::{State, csv};
+use utc_clock::Source;
+
+use crate::samples::SAMPLES;
+use crate::settings;
+use crate::shared::GNSS;
+
+/// This board's.
+pub struct Board;
+
+impl Holdings for Board {
+    fn parameter(&self, parameter: Parameter) -> f32 {
+        let value = match parameter {
+            Parameter::Way => settings::WAY as u32,
+            Parameter::TickUs => settings::TICK_US,
+            Parameter::GpsBaud => settings::GPS_BAUD,
+            Parameter::Source => match GNSS.get().map(|report| report.source) {
+                None | Some(Source::Nothing) => 0,
+                Some(Source::Message) => 1,
+                Some(Source::Pulse) => 2,
+            },
+            Parameter::LogLen => SAMPLES.len(),
+            Parameter::LogMissed => SAMPLES.with(|log| log.missed()),
+        };
+        // Exact below 2^24.
+        value as f32
+    }
+
+    fn log_len(&self) -> u32 {
+        csv::file_len(SAMPLES.len())
+    }
+
+    fn log_began_ns(&self) -> Option<i64> {
+        let first = SAMPLES.with(|log| log.get(0))?;
+        (first.state != State::Unset).then_some(first.board_ns)
+    }
+
+    fn read_log(&self, offset: u32, out: &mut [u8]) -> usize {
+        SAMPLES.read(offset, out)
+    }
+}

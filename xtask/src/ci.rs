@@ -62,6 +62,12 @@ pub fn run_all() -> Result<()> {
     step("bounds", xtask().args(["compare", "--check"]))?;
     step("size", xtask().arg("size"))?;
     step("board tests", xtask().arg("board-test"))?;
+    step(
+        "the paper's experiment",
+        xtask()
+            .args(["testbed", "--check", "--duration", "60", "--way"])
+            .arg(JUDGED_WAYS),
+    )?;
     step("cost", xtask().arg("bench"))?;
     step("sim", xtask().args(["sim", "--duration", "10"]))?;
     step("qemu", xtask().args(["qemu", "--duration", "10"]))?;
@@ -74,6 +80,9 @@ pub fn run_all() -> Result<()> {
     println!("all of it holds, after {} s", started.elapsed().as_secs());
     Ok(())
 }
+
+/// The ways of the testbed that have bounds.
+const JUDGED_WAYS: &str = "paper-default-mixed,paper-step1,paper-step2:50,pixclock,pixclock-pps";
 
 /// What makes clippy fail on a warning.
 const DENY_WARNINGS: [&str; 3] = ["--", "--deny", "warnings"];

@@ -74,7 +74,9 @@ fn on_virtual_boards(options: &Options, arguments: &[String]) -> Result<ExitCode
     command.args(arguments);
     for image in images(&options.ways(), options.crystals.ppb.len()) {
         let path = image::build(variant(Board::Pixhawk1, image))?;
-        command.arg("--image").arg(format!("{image}={}", path.display()));
+        command
+            .arg("--image")
+            .arg(format!("{image}={}", path.display()));
     }
     tool::hand_over(&mut command)
 }
@@ -120,11 +122,16 @@ fn on_qemu(options: &Options) -> Result<ExitCode> {
 fn on_lines(options: &Options, addresses: &[String]) -> Result<ExitCode> {
     let asked = options.asked_ways();
     if asked.len() > 1 {
-        wrong_usage("real boards run one way, the one that they were flashed with: name one --way, or none");
+        wrong_usage(
+            "real boards run one way, the one that they were flashed with: name one --way, or none",
+        );
     }
     let addresses = addresses
         .iter()
-        .map(|text| text.parse::<Address>().unwrap_or_else(|wrong| wrong_usage(&wrong)))
+        .map(|text| {
+            text.parse::<Address>()
+                .unwrap_or_else(|wrong| wrong_usage(&wrong))
+        })
         .collect::<Vec<_>>();
     catch_ctrl_c()?;
     let boards = addresses

@@ -43,6 +43,7 @@ impl Keeper {
             folder: Folder::create(&options.out)?,
             experiment: Experiment {
                 command: options.command(),
+                rate_hz: options.rate,
                 place,
                 conditions,
                 runs: Vec::new(),
@@ -95,13 +96,19 @@ impl Keeper {
         let mut kept_in = folder.path().to_owned();
         if let Some(error) = &not_written {
             kept_in = Folder::rescue(&experiment)?;
-            eprintln!("{error:#}; everything was written to {} instead", kept_in.display());
+            eprintln!(
+                "{error:#}; everything was written to {} instead",
+                kept_in.display()
+            );
         }
         if !options.json {
             println!("the report: {}", kept_in.join("report.html").display());
         }
         let broken = bounds::judge(&experiment).iter().any(|bound| !bound.holds);
-        let spoiled = experiment.runs.iter().any(|run| run.troubles().next().is_some())
+        let spoiled = experiment
+            .runs
+            .iter()
+            .any(|run| run.troubles().next().is_some())
             || experiment.runs.iter().any(|run| run.spread().is_none());
         let went_well = not_written.is_none()
             && !spoiled
@@ -119,11 +126,17 @@ pub fn text(experiment: &Experiment) -> String {
         "way", "paper", "mean difference", "95 %", "largest", "pairs"
     );
     for way in experiment.ways() {
-        let paper = way.paper_ms().map_or_else(String::new, |ms| format!("{ms:.2} ms"));
-        let mean = experiment.estimate(way).map_or_else(|| "no pair".to_owned(), told_estimate);
+        let paper = way
+            .paper_ms()
+            .map_or_else(String::new, |ms| format!("{ms:.2} ms"));
+        let mean = experiment
+            .estimate(way)
+            .map_or_else(|| "no pair".to_owned(), told_estimate);
         let spread = experiment.spread(way);
         let size = |pick: fn(&crate::Spread) -> u64| {
-            spread.as_ref().map_or_else(String::new, |spread| told(pick(spread) as f64))
+            spread
+                .as_ref()
+                .map_or_else(String::new, |spread| told(pick(spread) as f64))
         };
         let _ = writeln!(
             out,
@@ -137,9 +150,26 @@ pub fn text(experiment: &Experiment) -> String {
     if experiment.place != Place::Virtual {
         let _ = write!(out, "{}", report::noise_text(experiment));
     }
+    for run in experiment.runs.iter().filter(|run| run.missing() > 0) {
+        let _ = write!(
+            out,
+            "{}, seed {}: {} answers missing",
+            run.way,
+            run.seed,
+            run.missing()
+        );
+        let _ = match run.line_full() {
+            Some(full) => writeln!(out, ", {full} frames not sent because the line was full"),
+            None => writeln!(out),
+        };
+    }
     for bound in bounds::judge(experiment) {
         let verdict = if bound.holds { "holds" } else { "BROKEN" };
-        let _ = writeln!(out, "{verdict}: {} (measured: {})", bound.text, bound.measured);
+        let _ = writeln!(
+            out,
+            "{verdict}: {} (measured: {})",
+            bound.text, bound.measured
+        );
     }
     out
 }

@@ -130,7 +130,12 @@ fn samples(csv: &mut csv::Writer<Vec<u8>>, run: &Run, board: usize) -> csv::Resu
         "error_to_utc_ns",
         "verdict",
     ])?;
-    for sample in run.records.get(board).iter().flat_map(|record| &record.samples) {
+    for sample in run
+        .records
+        .get(board)
+        .iter()
+        .flat_map(|record| &record.samples)
+    {
         let error = sample.error_ns.map(|ns| ns.to_string());
         csv.write_record([
             sample.sequence.to_string(),
@@ -205,6 +210,7 @@ fn run_value(run: &Run) -> Value {
                 "name": record.name,
                 "asked": record.asked,
                 "answered": record.samples.len(),
+                "line_full": record.line_full,
                 "used": record.good().count(),
                 "round_trip": Spread::of(trips).map(spread_value),
                 "send_delay": Spread::of(delays).map(spread_value),

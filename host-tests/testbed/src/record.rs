@@ -123,7 +123,10 @@ pub struct Record {
     pub name: String,
     /// PINGs sent.
     pub asked: u32,
-    /// Those that were answered, in the order of their numbers.
+    /// Answers and other frames that the board itself counted as not sent because its line
+    /// was full, where it was asked.
+    pub line_full: Option<u32>,
+    /// The PINGs that were answered, in the order of their numbers.
     pub samples: Vec<Sample>,
     /// What went wrong, in the order of time.
     pub troubles: Vec<Trouble>,
@@ -263,7 +266,10 @@ impl Conversation {
         let mut troubles = Vec::new();
         if samples.is_empty() {
             troubles.push(Trouble::NoAnswer);
-        } else if samples.iter().all(|sample| sample.verdict == Verdict::NotSet) {
+        } else if samples
+            .iter()
+            .all(|sample| sample.verdict == Verdict::NotSet)
+        {
             troubles.push(Trouble::NeverSet);
         }
         // A receiver that was found before the test began is no trouble.
@@ -271,10 +277,15 @@ impl Conversation {
         troubles.extend(deaf.map(|&(from, _)| Trouble::LostReceiver(from)));
         troubles.extend(self.rebooted_ns.map(Trouble::Rebooted));
         let is_silent = self.fell_silent_ns.filter(|_| self.rebooted_ns.is_none());
-        troubles.extend(is_silent.filter(|_| !samples.is_empty()).map(Trouble::FellSilent));
+        troubles.extend(
+            is_silent
+                .filter(|_| !samples.is_empty())
+                .map(Trouble::FellSilent),
+        );
         Record {
             name: self.name,
             asked: self.sent.len() as u32,
+            line_full: None,
             samples,
             troubles,
             send_delays_ns: self.send_delays_ns,

@@ -77,8 +77,10 @@ pub fn html(experiment: &Experiment) -> Result<String> {
 
 fn introduction(experiment: &Experiment) -> Markup {
     let boards = match experiment.place {
-        Place::Virtual => "on virtual boards: emulated STM32F427 that run the very images that \
-            are flashed, with simulated receivers. Nothing here was measured on metal",
+        Place::Virtual => {
+            "on virtual boards: emulated STM32F427 that run the very images that \
+            are flashed, with simulated receivers. Nothing here was measured on metal"
+        }
         Place::Qemu => "on QEMU, with simulated receivers. Nothing here was measured on metal",
         Place::Lines => "on boards at lines of this host",
     };
@@ -142,7 +144,12 @@ fn table(experiment: &Experiment) -> Markup {
              difference, so ours comes with equal and with unequal ones. "
             @let missing: usize = experiment.runs.iter().map(Run::missing).sum();
             @let asked: u32 = experiment.runs.iter().flat_map(|run| &run.records).map(|r| r.asked).sum();
-            (asked) " PINGs were sent, " (missing) " answers are missing."
+            (asked) " PINGs were sent, " (missing) " answers are missing"
+            @let full: Option<u32> = experiment.runs.iter().map(Run::line_full).sum();
+            @if let Some(full) = full.filter(|_| missing > 0) {
+                "; the boards counted " (full) " frames that found their line full"
+            }
+            "."
         }
         @let bounds = bounds::judge(experiment);
         @if !bounds.is_empty() {
@@ -226,7 +233,11 @@ pub(crate) fn noise_text(experiment: &Experiment) -> String {
             let _ = writeln!(
                 out,
                 "this host's noise, {}: round trip {} at the median, {} at 95 %; sent {} late on average, {} at most",
-                record.name, told(trips.p50 as f64), told(trips.p95 as f64), told(delays.mean), told(delays.max as f64),
+                record.name,
+                told(trips.p50 as f64),
+                told(trips.p95 as f64),
+                told(delays.mean),
+                told(delays.max as f64),
             );
         }
     }
@@ -252,7 +263,11 @@ fn figure(experiment: &Experiment, run: &Run) -> Result<Markup> {
         });
     }
     let most = spread.map_or(0.0, |spread| spread.max as f64);
-    if let Some(ms) = run.way.paper_ms().filter(|ms| ms * 1e6 <= SHOWN_UP_TO * most) {
+    if let Some(ms) = run
+        .way
+        .paper_ms()
+        .filter(|ms| ms * 1e6 <= SHOWN_UP_TO * most)
+    {
         levels.push(Level {
             ns: ms * 1e6,
             name: format!("the paper's mean {ms:.2} ms"),
@@ -281,7 +296,11 @@ fn figure(experiment: &Experiment, run: &Run) -> Result<Markup> {
 
 fn how(experiment: &Experiment) -> Markup {
     html! {
-        pre { code { (experiment.command) } }
+        pre { code {
+            @for (number, word) in experiment.command.split(" --").enumerate() {
+                @if number == 0 { span { (word) } } @else { " " span { "--" (word) } }
+            }
+        } }
         dl { @for (name, value) in &experiment.conditions { dt { (name) } dd { (value) } } }
         @if experiment.place == Place::Virtual {
             p {

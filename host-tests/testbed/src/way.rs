@@ -55,7 +55,11 @@ impl Image {
 impl fmt::Display for Image {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (name, tick_us) = (self.way.name(), self.way.tick_us());
-        write!(f, "{name} with a tick of {tick_us} µs, the receiver at {} Bd", self.gps_baud)
+        write!(
+            f,
+            "{name} with a tick of {tick_us} µs, the receiver at {} Bd",
+            self.gps_baud
+        )
     }
 }
 

@@ -85,7 +85,9 @@ impl Connected {
         let bytes = self.link.receive(&mut buffer)?;
         let stamp = Stamp(0);
         let stamped = bytes.iter().map(|&byte| StampedByte { stamp, byte });
-        let heard: Vec<Heard> = stamped.filter_map(|byte| self.client.receive(byte)).collect();
+        let heard: Vec<Heard> = stamped
+            .filter_map(|byte| self.client.receive(byte))
+            .collect();
         for heard in &heard {
             match heard.what {
                 What::Heartbeat => {
@@ -120,7 +122,10 @@ impl Connected {
         let address = self.wait_for_address()?;
         let way = self.parameter(address, Parameter::Way)? as usize;
         let Some(way) = Image::NAMES.get(way) else {
-            bail!("{} runs a way (PC_WAY {way}) that this program does not know", self.name);
+            bail!(
+                "{} runs a way (PC_WAY {way}) that this program does not know",
+                self.name
+            );
         };
         Ok(Identity {
             address,

@@ -58,7 +58,10 @@ pub fn with_boards<T>(
                 let (qemu, gps) = qemu::power_on(command.stdout(Stdio::null()), &mavlink)?;
                 running.push(qemu);
                 let (line, _) = port.accept()?;
-                boards.push(Connected::new(format!("board {}", index + 1), Link::over(line)?));
+                boards.push(Connected::new(
+                    format!("board {}", index + 1),
+                    Link::over(line)?,
+                ));
                 let settings = receiver(options, seed, index)?;
                 let started = Instant::now();
                 let is_over = || is_over.load(Ordering::Relaxed);

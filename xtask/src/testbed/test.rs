@@ -50,11 +50,7 @@ pub struct Ready {
 /// # Errors
 ///
 /// When one does not answer, or its clock is never set.
-pub fn prepare(
-    options: &Options,
-    boards: Vec<Connected>,
-    bar: &ProgressBar,
-) -> Result<Vec<Ready>> {
+pub fn prepare(options: &Options, boards: Vec<Connected>, bar: &ProgressBar) -> Result<Vec<Ready>> {
     let settle = Duration::from_secs(options.settle.into());
     let began = Instant::now();
     let at_start = bar.position();
@@ -110,7 +106,10 @@ pub fn check_systems(ready: &[Ready]) -> Result<()> {
     for (number, one) in ready.iter().enumerate() {
         let system = one.identity.address.system;
         let other = ready.iter().skip(number + 1);
-        if let Some(other) = other.clone().find(|other| other.identity.address.system == system) {
+        if let Some(other) = other
+            .clone()
+            .find(|other| other.identity.address.system == system)
+        {
             bail!(
                 "{} and {} are both system {system}: if they are two boards, build one of them \
                  with PIXCLOCK_SYSTEM_ID={}",
@@ -148,9 +147,15 @@ pub fn way_of(ready: &[Ready]) -> Result<Way> {
         .iter()
         .map(|ready| {
             let is = &ready.identity;
-            let pulse = if is.follows_pulse { " and the pulse" } else { "" };
+            let pulse = if is.follows_pulse {
+                " and the pulse"
+            } else {
+                ""
+            };
             let (name, way, tick_us, baud) = (&ready.board.name, is.way, is.tick_us, is.gps_baud);
-            format!("{name} runs {way} with a tick of {tick_us} µs, its receiver at {baud} Bd{pulse}")
+            format!(
+                "{name} runs {way} with a tick of {tick_us} µs, its receiver at {baud} Bd{pulse}"
+            )
         })
         .collect();
     bail!(
@@ -180,7 +185,10 @@ pub fn run(
     let mut ready = ready;
     for Ready { board, identity } in &mut ready {
         if !board.tell(identity.address, Test::Begins)? {
-            eprintln!("{} did not confirm that a test begins: its own log has no part of it", board.name);
+            eprintln!(
+                "{} did not confirm that a test begins: its own log has no part of it",
+                board.name
+            );
         }
     }
     let lines = ready
@@ -200,22 +208,31 @@ pub fn run(
             scope.spawn(move || ask(schedule, asking, conversation, began, is_over));
             scope.spawn(move || hear(hearing, conversation, began, is_over));
         }
-        watch(schedule, &conversations, began, &|passed_s| bar.set_position(at_start + passed_s));
+        watch(schedule, &conversations, began, &|passed_s| {
+            bar.set_position(at_start + passed_s)
+        });
         is_over.store(true, Ordering::Relaxed);
     });
     let lasted_s = began.elapsed().as_secs().min(schedule.duration_s.into()) as u32;
     for Ready { board, identity } in &mut ready {
         // A board that is gone has been noted as such.
         if !board.tell(identity.address, Test::Ends).unwrap_or(false) {
-            eprintln!("{} did not confirm that the test has ended: its own log may go on", board.name);
+            eprintln!(
+                "{} did not confirm that the test has ended: its own log may go on",
+                board.name
+            );
         }
     }
     let records = conversations.into_iter().map(|conversation| {
         let conversation = conversation.into_inner();
-        conversation.unwrap_or_else(std::sync::PoisonError::into_inner).end(None)
+        conversation
+            .unwrap_or_else(std::sync::PoisonError::into_inner)
+            .end(None)
     });
     let mut records: Vec<Record> = records.collect();
-    let late_ns = records.iter_mut().map(|record| set_aside_late(record).unwrap_or(0));
+    let late_ns = records
+        .iter_mut()
+        .map(|record| set_aside_late(record).unwrap_or(0));
     let late_ns = late_ns.collect();
     Ok(Run {
         way,
@@ -260,7 +277,10 @@ fn ask(
     let mut client = Client::new(HERE, Version::V2);
     for (sequence, at) in schedule.pings() {
         let due = began + Duration::from_nanos(at);
-        while let Some(left) = due.checked_duration_since(Instant::now()).filter(|d| !d.is_zero()) {
+        while let Some(left) = due
+            .checked_duration_since(Instant::now())
+            .filter(|d| !d.is_zero())
+        {
             if is_over.load(Ordering::Relaxed) {
                 return;
             }
@@ -283,12 +303,7 @@ fn ask(
 }
 
 /// Notes what the board says.
-fn hear(
-    mut link: Link,
-    conversation: &Mutex<Conversation>,
-    began: Instant,
-    is_over: &AtomicBool,
-) {
+fn hear(mut link: Link, conversation: &Mutex<Conversation>, began: Instant, is_over: &AtomicBool) {
     let mut client = Client::new(HERE, Version::V2);
     let mut buffer = [0; 1_024];
     while !is_over.load(Ordering::Relaxed) {

@@ -14,6 +14,7 @@ mod clock;
 mod common;
 #[cfg(test)]
 mod log;
+#[cfg(test)]
 mod paper;
 #[cfg(test)]
 mod pulse;

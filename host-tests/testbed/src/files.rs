@@ -117,7 +117,7 @@ fn write_csv(
 ) -> Result<()> {
     let mut csv = csv::Writer::from_writer(Vec::new());
     rows(&mut csv)?;
-    let bytes = csv.into_inner().map_err(|error| error.into_error())?;
+    let bytes = csv.into_inner().map_err(csv::IntoInnerError::into_error)?;
     write(path, &bytes)
 }
 

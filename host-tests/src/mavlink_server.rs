@@ -1,17 +1,21 @@
 //! A node on a TCP port, with this host's clock: the board's stand-in for tests of
 //! what runs at the other end of the line, mishaps included.
 //!
-//! *Design.* The crate that the firmware uses, fed from a socket; one node a
+//! *Design.* The crates that the firmware uses, fed from a socket; one node and one log a
 //! connection, as each line of the board has its own.
 //!
-//! *Limits.* Its stamps are taken when a read returns, not when a byte arrives.
+//! *Limits.* Its stamps are taken when a read returns, not when a byte arrives. What takes many
+//! frames goes out at once: a socket is no line.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use mavlink_node::{Ask, Command, Config, Fix, GpsFix, Holdings, Node, NodeTime, Parameter, Test};
+use mavlink_node::{
+    Ask, Command, Config, Fix, GpsFix, Holdings, Node, NodeTime, Parameter, Request, Test,
+};
+use sample_log::{Record, Sample, SampleLog, State, csv};
 use timebase::{Cycles, StampedByte};
 
 /// How the node's clock stands.
@@ -30,7 +34,7 @@ pub struct Behaviour {
     pub clock: Clock,
     /// Its system.
     pub system_id: u8,
-    /// Its parameters, in the order of [`Parameter::ALL`].
+    /// Its parameters, in the order of [`Parameter::ALL`]; those of the log are the log's own.
     pub parameters: [f32; 6],
     /// What befalls it so long after a test began.
     pub mishap: Option<(Duration, Mishap)>,
@@ -59,24 +63,6 @@ impl From<Clock> for Behaviour {
     }
 }
 
-impl Holdings for Behaviour {
-    fn parameter(&self, parameter: Parameter) -> f32 {
-        self.parameters[usize::from(parameter.index())]
-    }
-
-    fn log_len(&self) -> u32 {
-        0
-    }
-
-    fn log_began_ns(&self) -> Option<i64> {
-        None
-    }
-
-    fn read_log(&self, _: u32, _: &mut [u8]) -> usize {
-        0
-    }
-}
-
 /// Serves each connection until it is closed, as long as the process lives.
 ///
 /// # Errors
@@ -102,6 +88,11 @@ fn converse(mut stream: TcpStream, mut behaviour: Behaviour) -> io::Result<()> {
     };
     let mut boot = Instant::now();
     let mut node = Node::new(config);
+    let mut memory = [Record::EMPTY; 1_024];
+    let mut held = Held {
+        parameters: behaviour.parameters,
+        log: SampleLog::new(&mut memory, &mut []),
+    };
     let mut next_second = Duration::ZERO;
     let mut test_began = None;
     let mut set_again = Duration::ZERO;
@@ -163,12 +154,73 @@ fn converse(mut stream: TcpStream, mut behaviour: Behaviour) -> io::Result<()> {
                 let mut at_arrival = time(clock, boot.elapsed());
                 at_arrival.utc_ns = at_arrival.utc_ns.map(|ns| ns - ago.as_nanos() as i64);
                 at_arrival.boot_us = request.arrival.as_micros();
+                held.act(&request, at_arrival);
                 stream.write_all(&node.answer(&request, at_arrival))?;
             }
         }
-        while let Some(frame) = node.poll(&behaviour) {
+        while let Some(frame) = node.poll(&held) {
             stream.write_all(&frame)?;
         }
+    }
+}
+
+/// What a node has beside the time.
+struct Held<'a> {
+    parameters: [f32; 6],
+    log: SampleLog<'a>,
+}
+
+impl Held<'_> {
+    /// Does what is asked, as the firmware does.
+    fn act(&mut self, request: &Request, time: NodeTime) {
+        match request.ask {
+            Ask::Ping { time_usec, seq } => {
+                // A full log says so by its parameter.
+                let _ = self.log.record(&Sample {
+                    board_ns: time.rtos_ns(),
+                    ping_us: time_usec,
+                    sequence: seq,
+                    state: match time.utc_ns {
+                        Some(_) => State::Set,
+                        None => State::Unset,
+                    },
+                    uncertainty_ns: u32::MAX,
+                });
+            }
+            Ask::Command(Command {
+                meaning: Ok(Test::Ends),
+                ..
+            }) => self.log.freeze(),
+            Ask::Command(Command {
+                meaning: Ok(Test::Begins),
+                ..
+            })
+            | Ask::EraseLog => self.log.clear(),
+            Ask::Command(_) | Ask::TimeSync { .. } => {}
+        }
+    }
+}
+
+impl Holdings for Held<'_> {
+    fn parameter(&self, parameter: Parameter) -> f32 {
+        match parameter {
+            Parameter::LogLen => self.log.len() as f32,
+            Parameter::LogMissed => self.log.missed() as f32,
+            built_in => self.parameters[usize::from(built_in.index())],
+        }
+    }
+
+    fn log_len(&self) -> u32 {
+        csv::file_len(self.log.len())
+    }
+
+    fn log_began_ns(&self) -> Option<i64> {
+        let first = self.log.get(0)?;
+        (first.state != State::Unset).then_some(first.board_ns)
+    }
+
+    fn read_log(&self, offset: u32, out: &mut [u8]) -> usize {
+        csv::read(offset, out, self.log.len(), |index| self.log.get(index))
     }
 }
 

@@ -66,6 +66,7 @@ pub fn svg(differences: &[Difference], duration_s: u32, levels: &[Level]) -> Res
             .y_labels(6)
             .label_style((FONT, FONT_SIZE))
             .axis_desc_style((FONT, FONT_SIZE))
+            .x_label_formatter(&|s| format!("{s:.0}"))
             .x_desc("time, s")
             .y_desc(format!("difference, {name}"))
             .draw()?;

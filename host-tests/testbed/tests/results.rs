@@ -74,25 +74,29 @@ fn good(way: Way) -> i64 {
 }
 
 fn written(experiment: &Experiment) -> BTreeMap<String, Vec<u8>> {
-    let place = TempDir::new().unwrap();
-    let folder = Folder::create(&place.path().join("results")).unwrap();
+    let place = TempDir::new().expect("a file");
+    let folder = Folder::create(&place.path().join("results")).expect("a file");
     for run in &experiment.runs {
-        folder.write_run(run).unwrap();
+        folder.write_run(run).expect("a file");
     }
-    folder.write_summary(experiment).unwrap();
+    folder.write_summary(experiment).expect("a file");
     let mut files = BTreeMap::new();
     collect(folder.path(), folder.path(), &mut files);
     files
 }
 
 fn collect(root: &Path, folder: &Path, files: &mut BTreeMap<String, Vec<u8>>) {
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
+    for entry in fs::read_dir(folder).expect("a file") {
+        let path = entry.expect("a file").path();
         if path.is_dir() {
             collect(root, &path, files);
         } else {
-            let name = path.strip_prefix(root).unwrap().to_str().unwrap();
-            files.insert(name.to_owned(), fs::read(&path).unwrap());
+            let name = path
+                .strip_prefix(root)
+                .expect("below it")
+                .to_str()
+                .expect("UTF-8");
+            files.insert(name.to_owned(), fs::read(&path).expect("a file"));
         }
     }
 }

@@ -209,7 +209,7 @@ pub fn run(
             scope.spawn(move || hear(hearing, conversation, began, is_over));
         }
         watch(schedule, &conversations, began, &|passed_s| {
-            bar.set_position(at_start + passed_s)
+            bar.set_position(at_start + passed_s);
         });
         is_over.store(true, Ordering::Relaxed);
     });

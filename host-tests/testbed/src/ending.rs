@@ -95,13 +95,19 @@ impl Keeper {
         let mut kept_in = folder.path().to_owned();
         if let Some(error) = &not_written {
             kept_in = Folder::rescue(&experiment)?;
-            eprintln!("{error:#}; everything was written to {} instead", kept_in.display());
+            eprintln!(
+                "{error:#}; everything was written to {} instead",
+                kept_in.display()
+            );
         }
         if !options.json {
             println!("the report: {}", kept_in.join("report.html").display());
         }
         let broken = bounds::judge(&experiment).iter().any(|bound| !bound.holds);
-        let spoiled = experiment.runs.iter().any(|run| run.troubles().next().is_some())
+        let spoiled = experiment
+            .runs
+            .iter()
+            .any(|run| run.troubles().next().is_some())
             || experiment.runs.iter().any(|run| run.spread().is_none());
         let went_well = not_written.is_none()
             && !spoiled
@@ -119,11 +125,17 @@ pub fn text(experiment: &Experiment) -> String {
         "way", "paper", "mean difference", "95 %", "largest", "pairs"
     );
     for way in experiment.ways() {
-        let paper = way.paper_ms().map_or_else(String::new, |ms| format!("{ms:.2} ms"));
-        let mean = experiment.estimate(way).map_or_else(|| "no pair".to_owned(), told_estimate);
+        let paper = way
+            .paper_ms()
+            .map_or_else(String::new, |ms| format!("{ms:.2} ms"));
+        let mean = experiment
+            .estimate(way)
+            .map_or_else(|| "no pair".to_owned(), told_estimate);
         let spread = experiment.spread(way);
         let size = |pick: fn(&crate::Spread) -> u64| {
-            spread.as_ref().map_or_else(String::new, |spread| told(pick(spread) as f64))
+            spread
+                .as_ref()
+                .map_or_else(String::new, |spread| told(pick(spread) as f64))
         };
         let _ = writeln!(
             out,
@@ -139,7 +151,11 @@ pub fn text(experiment: &Experiment) -> String {
     }
     for bound in bounds::judge(experiment) {
         let verdict = if bound.holds { "holds" } else { "BROKEN" };
-        let _ = writeln!(out, "{verdict}: {} (measured: {})", bound.text, bound.measured);
+        let _ = writeln!(
+            out,
+            "{verdict}: {} (measured: {})",
+            bound.text, bound.measured
+        );
     }
     out
 }

@@ -130,7 +130,12 @@ fn samples(csv: &mut csv::Writer<Vec<u8>>, run: &Run, board: usize) -> csv::Resu
         "error_to_utc_ns",
         "verdict",
     ])?;
-    for sample in run.records.get(board).iter().flat_map(|record| &record.samples) {
+    for sample in run
+        .records
+        .get(board)
+        .iter()
+        .flat_map(|record| &record.samples)
+    {
         let error = sample.error_ns.map(|ns| ns.to_string());
         csv.write_record([
             sample.sequence.to_string(),

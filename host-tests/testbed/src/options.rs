@@ -53,7 +53,12 @@ pub struct Options {
     pub receiver: Receivers,
 
     /// The error of each virtual board's crystal in ppm; as many as there are boards
-    #[arg(long, value_name = "PPM,PPM", default_value = "40,-25", allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "PPM,PPM",
+        default_value = "40,-25",
+        allow_hyphen_values = true
+    )]
     pub crystals: Crystals,
 
     /// Where the chance of boards that are not real comes from
@@ -108,9 +113,11 @@ impl FromStr for Boards {
                 if BOARDS.contains(&addresses.len()) {
                     Ok(Self::At(addresses))
                 } else {
-                    Err("allowed: virtual, qemu, or 2 to 16 addresses with commas between them, \
+                    Err(
+                        "allowed: virtual, qemu, or 2 to 16 addresses with commas between them, \
                          as in serial:/dev/ttyUSB0,serial:/dev/ttyUSB1"
-                        .to_owned())
+                            .to_owned(),
+                    )
                 }
             }
         }

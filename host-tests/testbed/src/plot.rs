@@ -68,7 +68,9 @@ pub fn svg(differences: &[Difference], duration_s: u32, levels: &[Level]) -> Res
             .y_desc(format!("difference, {name}"))
             .draw()?;
         chart.draw_series(LineSeries::new(
-            columns(differences, end).into_iter().map(|(s, ns)| (s, ns / unit)),
+            columns(differences, end)
+                .into_iter()
+                .map(|(s, ns)| (s, ns / unit)),
             &CURVE,
         ))?;
         for level in levels {

@@ -261,13 +261,24 @@ impl Conversation {
         let mut troubles = Vec::new();
         if samples.is_empty() {
             troubles.push(Trouble::NoAnswer);
-        } else if samples.iter().all(|sample| sample.verdict == Verdict::NotSet) {
+        } else if samples
+            .iter()
+            .all(|sample| sample.verdict == Verdict::NotSet)
+        {
             troubles.push(Trouble::NeverSet);
         }
-        troubles.extend(self.deaf.iter().map(|&(from, _)| Trouble::LostReceiver(from)));
+        troubles.extend(
+            self.deaf
+                .iter()
+                .map(|&(from, _)| Trouble::LostReceiver(from)),
+        );
         troubles.extend(self.rebooted_ns.map(Trouble::Rebooted));
         let is_silent = self.fell_silent_ns.filter(|_| self.rebooted_ns.is_none());
-        troubles.extend(is_silent.filter(|_| !samples.is_empty()).map(Trouble::FellSilent));
+        troubles.extend(
+            is_silent
+                .filter(|_| !samples.is_empty())
+                .map(Trouble::FellSilent),
+        );
         Record {
             name: self.name,
             asked: self.sent.len() as u32,

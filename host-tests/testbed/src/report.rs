@@ -77,8 +77,10 @@ pub fn html(experiment: &Experiment) -> Result<String> {
 
 fn introduction(experiment: &Experiment) -> Markup {
     let boards = match experiment.place {
-        Place::Virtual => "on virtual boards: emulated STM32F427 that run the very images that \
-            are flashed, with simulated receivers. Nothing here was measured on metal",
+        Place::Virtual => {
+            "on virtual boards: emulated STM32F427 that run the very images that \
+            are flashed, with simulated receivers. Nothing here was measured on metal"
+        }
         Place::Qemu => "on QEMU, with simulated receivers. Nothing here was measured on metal",
         Place::Lines => "on boards at lines of this host",
     };
@@ -226,7 +228,11 @@ pub(crate) fn noise_text(experiment: &Experiment) -> String {
             let _ = writeln!(
                 out,
                 "this host's noise, {}: round trip {} at the median, {} at 95 %; sent {} late on average, {} at most",
-                record.name, told(trips.p50 as f64), told(trips.p95 as f64), told(delays.mean), told(delays.max as f64),
+                record.name,
+                told(trips.p50 as f64),
+                told(trips.p95 as f64),
+                told(delays.mean),
+                told(delays.max as f64),
             );
         }
     }
@@ -252,7 +258,11 @@ fn figure(experiment: &Experiment, run: &Run) -> Result<Markup> {
         });
     }
     let most = spread.map_or(0.0, |spread| spread.max as f64);
-    if let Some(ms) = run.way.paper_ms().filter(|ms| ms * 1e6 <= SHOWN_UP_TO * most) {
+    if let Some(ms) = run
+        .way
+        .paper_ms()
+        .filter(|ms| ms * 1e6 <= SHOWN_UP_TO * most)
+    {
         levels.push(Level {
             ns: ms * 1e6,
             name: format!("the paper's mean {ms:.2} ms"),

@@ -117,7 +117,9 @@ impl Experiment {
     pub fn errors(&self, way: Way) -> Vec<Spread> {
         let boards = self.runs_of(way).map(|run| run.records.len()).max();
         let of_board = |board: usize| {
-            let records = self.runs_of(way).filter_map(move |run| run.records.get(board));
+            let records = self
+                .runs_of(way)
+                .filter_map(move |run| run.records.get(board));
             Spread::of(records.flat_map(|record| record.good().filter_map(|s| s.error_ns)))
         };
         (0..boards.unwrap_or(0)).filter_map(of_board).collect()

@@ -66,9 +66,15 @@ mod tests {
             phases[(phase / 10_000_000) as usize] += 1;
         }
         // 1200 of each, with a standard deviation of 31.
-        assert!(phases.iter().all(|&n| (1_050..1_350).contains(&n)), "{phases:?}");
+        assert!(
+            phases.iter().all(|&n| (1_050..1_350).contains(&n)),
+            "{phases:?}"
+        );
         assert!(schedule.pings().eq(schedule.pings()));
-        let other = Schedule { seed: 2, ..schedule };
+        let other = Schedule {
+            seed: 2,
+            ..schedule
+        };
         assert!(!schedule.pings().eq(other.pings()));
     }
 }

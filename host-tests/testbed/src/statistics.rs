@@ -63,7 +63,10 @@ impl Estimate {
         let runs = means.len();
         let centre = mean(means.iter().copied())?;
         let half_width = (runs > 1).then(|| {
-            let squares = means.iter().map(|mean| (mean - centre).powi(2)).sum::<f64>();
+            let squares = means
+                .iter()
+                .map(|mean| (mean - centre).powi(2))
+                .sum::<f64>();
             let deviation = (squares / (runs - 1) as f64).sqrt();
             student(runs - 1) * deviation / (runs as f64).sqrt()
         });
@@ -76,9 +79,7 @@ impl Estimate {
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (sum, count) = values.fold((0.0, 0_u64), |(sum, count), value| {
-        (sum + value, count + 1)
-    });
+    let (sum, count) = values.fold((0.0, 0_u64), |(sum, count), value| (sum + value, count + 1));
     (count > 0).then(|| sum / count as f64)
 }
 

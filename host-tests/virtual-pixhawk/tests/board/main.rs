@@ -18,5 +18,3 @@ mod pulse;
 mod steering;
 #[cfg(test)]
 mod ticks;
-#[cfg(test)]
-mod volume;

@@ -1,24 +1,38 @@
 //! Images of memory cards, made and read by `fatfs`: another hand than the firmware's.
+//!
+//! *Purpose.* A test formats a card with it, lets the firmware write to it, and reads the files.
+//!
+//! *Limits.* For tests: what cannot be done is a panic.
+#![expect(
+    clippy::unwrap_used,
+    clippy::missing_panics_doc,
+    reason = "tests are its only users, and a panic fails them"
+)]
 
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read as _, Write as _};
 
 use fatfs::{DateTime, FileSystem, FormatVolumeOptions, FsOptions};
 
-const BLOCK: usize = 512;
+/// Bytes of a block.
+pub const BLOCK: usize = 512;
 /// Where the partition begins, in blocks, as on cards from a shop.
-const FIRST: usize = 2_048;
+pub const FIRST: usize = 2_048;
 
 /// The kinds of FAT that a card can have.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Kind {
+pub enum Kind {
+    /// 1 MB with 12 bits, which small cards had.
     Fat12,
+    /// 15 MB with 16 bits, clusters of 1 KB.
     Fat16,
+    /// 35 MB with 32 bits, clusters of 512 bytes.
     Fat32,
 }
 
 /// An empty card: a master boot record with one partition, and a volume of that kind in it.
-pub(crate) fn formatted(kind: Kind) -> Vec<u8> {
+#[must_use]
+pub fn formatted(kind: Kind) -> Vec<u8> {
     // MB of the partition, its type, and bytes of a cluster: the smallest of each kind.
     let (megabytes, partition, cluster, fat) = match kind {
         Kind::Fat12 => (1, 0x01, 512, fatfs::FatType::Fat12),
@@ -41,13 +55,16 @@ pub(crate) fn formatted(kind: Kind) -> Vec<u8> {
 
 /// A file of a card.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct File {
-    pub(crate) contents: Vec<u8>,
-    pub(crate) modified: DateTime,
+pub struct File {
+    /// All of it.
+    pub contents: Vec<u8>,
+    /// When it was written last.
+    pub modified: DateTime,
 }
 
 /// The files in the root of a card.
-pub(crate) fn files(image: &[u8]) -> BTreeMap<String, File> {
+#[must_use]
+pub fn files(image: &[u8]) -> BTreeMap<String, File> {
     let mut image = image.to_vec();
     let volume = FileSystem::new(partition_of(&mut image), FsOptions::new()).unwrap();
     let root = volume.root_dir();
@@ -64,14 +81,15 @@ pub(crate) fn files(image: &[u8]) -> BTreeMap<String, File> {
 }
 
 /// Puts a file of `len` bytes on it.
-pub(crate) fn put(image: &mut [u8], name: &str, len: usize) {
+pub fn put(image: &mut [u8], name: &str, len: usize) {
     let volume = FileSystem::new(partition_of(image), FsOptions::new()).unwrap();
     let mut file = volume.root_dir().create_file(name).unwrap();
     file.write_all(&vec![b'x'; len]).unwrap();
 }
 
 /// Bytes that are free on it.
-pub(crate) fn free_bytes(image: &mut [u8]) -> usize {
+#[must_use]
+pub fn free_bytes(image: &mut [u8]) -> usize {
     let volume = FileSystem::new(partition_of(image), FsOptions::new()).unwrap();
     let stats = volume.stats().unwrap();
     stats.free_clusters() as usize * stats.cluster_size() as usize
@@ -79,4 +97,10 @@ pub(crate) fn free_bytes(image: &mut [u8]) -> usize {
 
 fn partition_of(image: &mut [u8]) -> Cursor<&mut [u8]> {
     Cursor::new(&mut image[FIRST * BLOCK..])
+}
+
+/// Takes a file off it.
+pub fn remove(image: &mut [u8], name: &str) {
+    let volume = FileSystem::new(partition_of(image), FsOptions::new()).unwrap();
+    volume.root_dir().remove(name).unwrap();
 }

@@ -12,7 +12,7 @@
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read as _, Write as _};
 
-use fatfs::{DateTime, FileSystem, FormatVolumeOptions, FsOptions};
+use fatfs::{DateTime, FatType, FileSystem, FormatVolumeOptions, FsOptions};
 
 /// Bytes of a block.
 pub const BLOCK: usize = 512;
@@ -35,9 +35,9 @@ pub enum Kind {
 pub fn formatted(kind: Kind) -> Vec<u8> {
     // MB of the partition, its type, and bytes of a cluster: the smallest of each kind.
     let (megabytes, partition, cluster, fat) = match kind {
-        Kind::Fat12 => (1, 0x01, 512, fatfs::FatType::Fat12),
-        Kind::Fat16 => (15, 0x06, 1_024, fatfs::FatType::Fat16),
-        Kind::Fat32 => (35, 0x0C, 512, fatfs::FatType::Fat32),
+        Kind::Fat12 => (1, 0x01, 512, FatType::Fat12),
+        Kind::Fat16 => (15, 0x06, 1_024, FatType::Fat16),
+        Kind::Fat32 => (35, 0x0C, 512, FatType::Fat32),
     };
     let blocks = megabytes * 2_048;
     let mut image = vec![0; (FIRST + blocks) * BLOCK];
@@ -50,7 +50,34 @@ pub fn formatted(kind: Kind) -> Vec<u8> {
         .fat_type(fat)
         .bytes_per_cluster(cluster);
     fatfs::format_volume(partition_of(&mut image), options).unwrap();
+    clear_behind_the_last_cluster(&mut image);
     image
+}
+
+/// Has the tables' entries that belong to no cluster be 0, as other formatters leave them and
+/// `fatfs` does not.
+fn clear_behind_the_last_cluster(image: &mut [u8]) {
+    let volume = FileSystem::new(partition_of(image), FsOptions::new()).unwrap();
+    let bits = match volume.fat_type() {
+        // The firmware does not write to these.
+        FatType::Fat12 => return,
+        FatType::Fat16 => 16,
+        FatType::Fat32 => 32,
+    };
+    let used = (volume.stats().unwrap().total_clusters() as usize + 2) * bits / 8;
+    drop(volume);
+    let boot = &image[FIRST * BLOCK..];
+    let half = |at: usize| usize::from(u16::from_le_bytes([boot[at], boot[at + 1]]));
+    let (reserved, tables, short) = (half(14), usize::from(boot[16]), half(22));
+    let blocks = if short == 0 {
+        half(36) | half(38) << 16
+    } else {
+        short
+    };
+    for table in 0..tables {
+        let table = (FIRST + reserved + table * blocks) * BLOCK;
+        image[table + used..table + blocks * BLOCK].fill(0);
+    }
 }
 
 /// A file of a card.
@@ -103,4 +130,13 @@ fn partition_of(image: &mut [u8]) -> Cursor<&mut [u8]> {
 pub fn remove(image: &mut [u8], name: &str) {
     let volume = FileSystem::new(partition_of(image), FsOptions::new()).unwrap();
     volume.root_dir().remove(name).unwrap();
+}
+
+/// Has the volume's hints, which FAT32 has, say that the next free cluster is the last one.
+pub fn hint_at_the_last_cluster(image: &mut [u8]) {
+    let volume = FileSystem::new(partition_of(image), FsOptions::new()).unwrap();
+    let last = volume.stats().unwrap().total_clusters() + 1;
+    drop(volume);
+    let hint = (FIRST + 1) * BLOCK + 492;
+    image[hint..hint + 4].copy_from_slice(&last.to_le_bytes());
 }

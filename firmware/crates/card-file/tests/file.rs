@@ -108,6 +108,9 @@ fn nearly_full(kind: Kind, free: usize) -> Vec<u8> {
     fat_image::put(&mut image, "rest.bin", all);
     fat_image::remove(&mut image, "first.bin");
     assert_eq!(fat_image::free_bytes(&mut image), free);
+    if matches!(kind, Kind::Fat32) {
+        fat_image::hint_at_the_last_cluster(&mut image);
+    }
     image
 }
 

@@ -143,10 +143,10 @@ impl Volume {
     /// Takes out of a block, as it was read, where the next free cluster may be: from the first one
     /// on the search cannot come to the volume's end before it has found one.
     pub(crate) fn without_hint(&self, number: u32, block: &mut [u8; BLOCK]) {
-        if self.hints == Some(number) {
-            if let Some(hint) = block.get_mut(492..496) {
-                hint.fill(0xFF);
-            }
+        if self.hints == Some(number)
+            && let Some(hint) = block.get_mut(492..496)
+        {
+            hint.fill(0xFF);
         }
     }
 }

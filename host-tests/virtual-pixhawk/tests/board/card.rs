@@ -4,7 +4,7 @@
 use crate::common::{
     BAUD, MS, SECOND, START_UTC_NS, image, ping_answers, pings, receiver_settings,
 };
-use crate::volume::{self, Kind};
+use fat_image::Kind;
 use mavlink_node::client::Client;
 use mavlink_node::{Address, Test, Version};
 use sample_log::csv;
@@ -96,8 +96,8 @@ fn assert_is_the_log(contents: &[u8], answers: &[(u32, u64)]) {
 #[test]
 fn the_file_has_a_line_for_each_ping_on_every_kind_of_card() {
     let Some(firmware) = image() else { return };
-    let fat16 = volume::formatted(Kind::Fat16);
-    let fat32 = volume::formatted(Kind::Fat32);
+    let fat16 = fat_image::formatted(Kind::Fat16);
+    let fat32 = fat_image::formatted(Kind::Fat32);
     for card in [
         Card::holding(&fat16),
         Card::of_first_version(&fat16),
@@ -111,7 +111,7 @@ fn the_file_has_a_line_for_each_ping_on_every_kind_of_card() {
         let expected = "the log is saved: file 1, samples 40";
         assert_eq!(said_of_the_card(&mut board), [expected]);
         let card = board.swap_card(None).unwrap().expect("it is in the slot");
-        let mut files = volume::files(&card.image());
+        let mut files = fat_image::files(&card.image());
         let file = files.remove(FIRST_FILE).expect("the file is there");
         assert!(files.is_empty(), "{files:?}");
         assert_is_the_log(&file.contents, &answers);
@@ -127,15 +127,15 @@ fn the_file_has_a_line_for_each_ping_on_every_kind_of_card() {
 #[test]
 fn nothing_is_written_over() {
     let Some(firmware) = image() else { return };
-    let mut before = volume::formatted(Kind::Fat16);
-    volume::put(&mut before, "TEST0001.CSV", 700);
-    volume::put(&mut before, "TEST0041.CSV", 0);
-    volume::put(&mut before, "a long name that is nobody's.csv", 5_000);
+    let mut before = fat_image::formatted(Kind::Fat16);
+    fat_image::put(&mut before, "TEST0001.CSV", 700);
+    fat_image::put(&mut before, "TEST0041.CSV", 0);
+    fat_image::put(&mut before, "a long name that is nobody's.csv", 5_000);
     let again = [WorldNanos(6 * SECOND)];
     let mut board = after_a_test(&firmware, Some(Card::holding(&before)), &again);
     board.run_to(WorldNanos(7 * SECOND)).unwrap();
     let after = board.swap_card(None).unwrap().unwrap().image();
-    let (mut after, before) = (volume::files(&after), volume::files(&before));
+    let (mut after, before) = (fat_image::files(&after), fat_image::files(&before));
     let new = ["TEST0042.CSV", "TEST0043.CSV"].map(|name| after.remove(name).unwrap());
     assert_eq!(after, before);
     assert_eq!(new[0].contents, new[1].contents);
@@ -150,10 +150,10 @@ struct Trouble {
 }
 
 fn troubles() -> Vec<Trouble> {
-    let good = volume::formatted(Kind::Fat16);
+    let good = fat_image::formatted(Kind::Fat16);
     let mut full = good.clone();
-    let free = volume::free_bytes(&mut full);
-    volume::put(&mut full, "most.bin", free - 3 * 1_024);
+    let free = fat_image::free_bytes(&mut full);
+    fat_image::put(&mut full, "most.bin", free - 3 * 1_024);
     let mut without_cluster_size = good.clone();
     without_cluster_size[2_048 * 512 + 13] = 0;
     let trouble = |card, logged, told| Trouble { card, logged, told };
@@ -170,7 +170,7 @@ fn troubles() -> Vec<Trouble> {
             "format the card as FAT32",
         ),
         trouble(
-            Some(Card::holding(&volume::formatted(Kind::Fat12))),
+            Some(Card::holding(&fat_image::formatted(Kind::Fat12))),
             "NotFat",
             "format the card as FAT32",
         ),
@@ -211,12 +211,12 @@ fn every_trouble_is_told_by_its_kind_and_a_good_card_then_gets_all_of_it() {
         let bytes: Vec<u8> = heard.iter().map(|heard| heard.byte).collect();
         let text = String::from_utf8_lossy(&bytes);
         assert!(text.contains(&format!("log not saved: {told}")), "{logged}");
-        let good = Card::holding(&volume::formatted(Kind::Fat16));
+        let good = Card::holding(&fat_image::formatted(Kind::Fat16));
         board.swap_card(Some(good)).unwrap();
         board.run_to(WorldNanos(12 * SECOND)).unwrap();
         assert!(texts(&mut board).contains("40 samples saved to the card, file 1"));
         let card = board.swap_card(None).unwrap().unwrap();
-        let files = volume::files(&card.image());
+        let files = fat_image::files(&card.image());
         assert_is_the_log(&files[FIRST_FILE].contents, &answers);
     }
 }
@@ -286,7 +286,7 @@ fn apart<T: Copy + Into<i128>>(a: &[T], b: &[T]) -> i128 {
 #[test]
 fn writing_a_full_log_does_not_disturb_the_clock() {
     let Some(firmware) = image() else { return };
-    let blank = volume::formatted(Kind::Fat16);
+    let blank = fat_image::formatted(Kind::Fat16);
     let without = traces(&firmware, None);
     let damaged = Card::holding(&blank)
         .fault(Transfer::Read, 1, Fault::Damaged)
@@ -325,7 +325,7 @@ fn writing_a_full_log_does_not_disturb_the_clock() {
         assert_eq!(counted.unwrap_or_default(), errors);
         let image = with.card.expect("it is in the slot").image();
         assert_is_the_log(
-            &volume::files(&image)[FIRST_FILE].contents,
+            &fat_image::files(&image)[FIRST_FILE].contents,
             &with.answers[..FULL as usize],
         );
     }

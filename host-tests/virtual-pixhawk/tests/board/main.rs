@@ -22,5 +22,3 @@ mod pulse;
 mod steering;
 #[cfg(test)]
 mod ticks;
-#[cfg(test)]
-mod volume;

@@ -405,14 +405,25 @@ const MAVLINK_NOISE: &[(&str, &[u8])] = &[
         "LOG_REQUEST_DATA 1 headers, each third byte",
         &[0xfe, 12, 119],
     ),
-    // Frames of 2, 35 and 14 bytes, and of 12 and 33.
     (
-        "three MAVLink 1 frames with one end",
+        "MAVLink 1 frames of 2, 14 and 35 bytes with one end",
         &[0xfe, 2, 4, 0xfe, 35, 121, 0xfe, 14, 75],
     ),
     (
-        "two MAVLink 1 frames with one end",
+        "MAVLink 1 frames of 12 and 33 bytes with one end",
         &[0xfe, 12, 76, 0xfe, 33, 119],
+    ),
+    (
+        "MAVLink 1 frames of 6 and 33 bytes with one end",
+        &[0xfe, 6, 76, 0xfe, 33, 117],
+    ),
+    (
+        "MAVLink 1 frames of 2 and 35 bytes with one end",
+        &[0xfe, 2, 75, 0xfe, 35, 122],
+    ),
+    (
+        "MAVLink 1 frames of 14 and 35 bytes with one end",
+        &[0xfe, 14, 75, 0xfe, 35, 4],
     ),
     ("PING 2 headers", &[0xfd, 14, 0, 0, 0, 255, 190, 4, 0, 0]),
     (

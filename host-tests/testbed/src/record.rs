@@ -264,7 +264,7 @@ impl Conversation {
             };
         }
         let mut troubles = Vec::new();
-        if samples.is_empty() {
+        if samples.is_empty() && !self.sent.is_empty() {
             troubles.push(Trouble::NoAnswer);
         } else if samples
             .iter()

@@ -88,6 +88,8 @@ fn run(options: &Options) -> anyhow::Result<ExitCode> {
         for seed in options.seeds() {
             bar.set_message(format!("{way}, seed {seed}"));
             match one_run(options, way, seed, &bar) {
+                // One that Ctrl-C ended before its first PING has nothing to keep.
+                Ok(run) if run.lasted_s == 0 => {}
                 Ok(run) => keeper.keep(run),
                 Err(error) => {
                     keeper.cut_short(&format!("{way}, seed {seed}: {error:#}"));

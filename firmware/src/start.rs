@@ -1,12 +1,14 @@
 //! The start: board, executors, tasks; and the two interrupts that run them.
 
+use cortex_m::peripheral::scb::SystemHandler;
+use cortex_m::peripheral::{NVIC, SCB};
 use cortex_m_rt::exception;
 #[cfg(feature = "pixhawk1")]
 use defmt_rtt as _;
 #[cfg(feature = "qemu")]
 use defmt_semihosting as _;
 use embassy_executor::{InterruptExecutor, SendSpawner, SpawnError, SpawnToken};
-use stm32f4xx_hal::pac::interrupt;
+use stm32f4xx_hal::pac::{Interrupt, interrupt};
 
 use crate::board::{self, Board};
 use crate::drivers::{pulse, time};
@@ -31,14 +33,7 @@ fn main() -> ! {
         led,
     } = board::init();
     SAMPLES.open(samples);
-    defmt::info!(
-        "pixclock {=str} on {=str}, way {=str}, tick {=u32} us, system {=u8}",
-        env!("CARGO_PKG_VERSION"),
-        board::NAME,
-        settings::WAY_NAME,
-        settings::TICK_US,
-        settings::SYSTEM_ID
-    );
+    tell_what_runs();
     let prompt = PROMPT.start(board::PROMPT);
     if settings::WAY.is_papers() {
         spawn(&prompt, paper::run(gnss_reader, gnss_writer));
@@ -52,6 +47,31 @@ fn main() -> ! {
     #[cfg(feature = "bench")]
     spawn(&patient, crate::bench::run());
     storage::run(card)
+}
+
+/// The log's first lines: what this image is. In the paper's ways also who interrupts whom, as it
+/// stands in the registers: it is what they are about.
+fn tell_what_runs() {
+    defmt::info!(
+        "pixclock {=str} on {=str}, way {=str}, tick {=u32} us, system {=u8}",
+        env!("CARGO_PKG_VERSION"),
+        board::NAME,
+        settings::WAY_NAME,
+        settings::TICK_US,
+        settings::SYSTEM_ID
+    );
+    if settings::WAY.is_papers() {
+        defmt::info!(
+            "priorities: SysTick {=u8:#04x}, PendSV {=u8:#04x}, UART4 {=u8:#04x}, USART2 {=u8:#04x}, TIM4 {=u8:#04x}, tasks {=u8:#04x} and {=u8:#04x}",
+            SCB::get_priority(SystemHandler::SysTick),
+            SCB::get_priority(SystemHandler::PendSV),
+            NVIC::get_priority(Interrupt::UART4),
+            NVIC::get_priority(Interrupt::USART2),
+            NVIC::get_priority(Interrupt::TIM4),
+            NVIC::get_priority(board::PROMPT),
+            NVIC::get_priority(board::PATIENT)
+        );
+    }
 }
 
 /// Hands a task to its executor.

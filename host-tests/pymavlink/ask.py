@@ -2,7 +2,8 @@
 """Asks a node for its time with pymavlink, in MAVLink 1 and then in MAVLink 2.
 
 Purpose. Other people's implementation at the other end of the line: does it
-    see the node, and are its PINGs, TIMESYNCs and commands answered as they must?
+    see the node, are its PINGs, TIMESYNCs and commands answered as they must, are the
+    parameters listed, and does the log of a test come over whole?
 Design. pymavlink takes its version from the environment when it is imported, so
     each version is a call of this script by itself. MAVLink 1 comes first: the
     node speaks 2 unasked from the first frame of it that it hears. Requests follow
@@ -29,7 +30,10 @@ SLACK = 2.0
 # 2016-01-01 in us of UTC: what is less is a time since boot.
 EARLIEST_UTC_US = 1_451_606_400_000_000
 
-UNSUPPORTED = 3
+# MAV_RESULT.
+ACCEPTED, DENIED, UNSUPPORTED = 0, 2, 3
+USER_1 = 31_010
+TEST_BEGINS, TEST_ENDS = 0, 1
 REQUEST_MESSAGE = 512
 AUTOPILOT_VERSION = 148
 
@@ -161,6 +165,88 @@ def check_command(node):
     expect(ack.result == UNSUPPORTED, f"a command was acknowledged with {ack.result}")
 
 
+def command_test(node, param1, result):
+    node.line.mav.command_long_send(
+        node.heartbeat.get_srcSystem(), 1, USER_1, 0, param1, 0, 0, 0, 0, 0, 0
+    )
+    ack = node.answer("COMMAND_ACK", lambda ack: ack.command == USER_1)
+    expect(ack, f"USER_1 with {param1} was not acknowledged")
+    expect(ack.result == result, f"USER_1 with {param1} was acknowledged with {ack.result}")
+
+
+def check_parameters(node):
+    """All of them by a list, and in MAVLink 2 one by its name; none can be set."""
+    system = node.heartbeat.get_srcSystem()
+    node.line.mav.param_request_list_send(system, 1)
+    values, count = {}, 1
+    while len(values) < count:
+        value = node.answer("PARAM_VALUE", lambda value: value.param_id not in values)
+        expect(value, f"{len(values)} of {count} parameters were listed: {sorted(values)}")
+        values[value.param_id] = value.param_value
+        count = value.param_count
+    expect(values["PC_TICK_US"] in (50, 200, 500, 1000), f"a tick of {values['PC_TICK_US']} us")
+    if node.version == 2:
+        # The node hears these two in MAVLink 2 only.
+        is_tick = lambda value: value.param_id == "PC_TICK_US"
+        node.line.mav.param_request_read_send(system, 1, b"PC_TICK_US", -1)
+        read = node.answer("PARAM_VALUE", is_tick)
+        expect(read and read.param_value == values["PC_TICK_US"], "PC_TICK_US was not read")
+        node.line.mav.param_set_send(system, 1, b"PC_TICK_US", 77, 9)
+        kept = node.answer("PARAM_VALUE", is_tick)
+        expect(kept and kept.param_value == values["PC_TICK_US"], "PC_TICK_US was set")
+    return values
+
+
+def log_data(node, offset, count):
+    """A stretch of log 1, by asking again for what is missing."""
+    system = node.heartbeat.get_srcSystem()
+    stretch, end, silences = bytearray(), offset + count, 0
+    while len(stretch) < count:
+        here = offset + len(stretch)
+        node.line.mav.log_request_data_send(system, 1, 1, here, end - here)
+        while len(stretch) < count:
+            here = offset + len(stretch)
+            piece = node.answer("LOG_DATA", lambda piece: piece.ofs == here, patience=0.5)
+            if not piece:
+                silences += 1
+                expect(silences < 20, f"no LOG_DATA from {here}")
+                break
+            expect(piece.count > 0, f"the log ends at {here}, not at {end}")
+            stretch += bytes(piece.data[: piece.count])
+    return bytes(stretch)
+
+
+def check_log(node):
+    """A test of some PINGs; its log is what they were told."""
+    system = node.heartbeat.get_srcSystem()
+    command_test(node, TEST_BEGINS, ACCEPTED)
+    told = []
+    for seq in range(100, 100 + 3 * ROUNDS):
+        asked = int(time.time() * 1e6)
+        node.line.mav.ping_send(asked, seq, 0, 0)
+        ping = node.answer("PING", lambda answer: answer.seq == seq)
+        expect(ping, f"PING {seq} not answered within {PATIENCE} s")
+        told.append((seq, asked, ping.time_usec))
+    command_test(node, 2, DENIED)
+    command_test(node, TEST_ENDS, ACCEPTED)
+    node.line.mav.log_request_list_send(system, 1, 0, 0xFFFF)
+    entry = node.answer("LOG_ENTRY", lambda _: True)
+    expect(entry and (entry.id, entry.num_logs) == (1, 1), "the log was not listed")
+    log = log_data(node, 0, entry.size)
+    lines = log.decode("ascii").splitlines()
+    columns = lines[0].split(",")
+    expect(columns[:3] == ["sequence", "ping_time_us", "board_time_ns"], f"columns {columns}")
+    logged = [[int(field) for field in line.split(",")[:3]] for line in lines[1:]]
+    logged = [(seq, asked, board_ns // 1_000) for seq, asked, board_ns in logged]
+    expect(logged == told, f"the log is not what was told: {logged} instead of {told}")
+    again = log_data(node, 100, 333)
+    expect(again == log[100:433], "a stretch of the log is not that of the whole")
+    node.line.mav.log_request_end_send(system, 1)
+    node.line.mav.log_erase_send(system, 1)
+    expect(node.answer("STATUSTEXT", lambda said: said.text == "log erased"), "not erased")
+    return len(logged)
+
+
 def check_system_time(node):
     told = node.answer("SYSTEM_TIME", lambda _: True)
     expect(told, "no SYSTEM_TIME")
@@ -175,13 +261,16 @@ def ask(address, version, wait):
     last = check_pings_and_timesyncs(node)
     check_what_must_not_be_answered(node)
     check_command(node)
+    parameters = check_parameters(node)
+    logged = check_log(node)
     utc = check_system_time(node)
     if last >= EARLIEST_UTC_US * 1_000:
         expect(utc != 0, "PING and TIMESYNC tell UTC, SYSTEM_TIME does not")
         state = time.strftime("UTC %Y-%m-%dT%H:%M:%SZ", time.gmtime(last / 1e9))
     else:
         state = f"clock not set, {last / 1e9:.1f} s since boot"
-    print(f"MAVLink {version}: {ROUNDS} PINGs and {ROUNDS} TIMESYNCs answered; {state}")
+    print(f"MAVLink {version}: {ROUNDS} PINGs and {ROUNDS} TIMESYNCs answered, "
+          f"{len(parameters)} parameters, a log of {logged} PINGs; {state}")
 
 
 def main():

@@ -6,17 +6,19 @@
 //! *Design.* Requests are built without the crate; answers are compared with
 //! frames built without it, or understood by the crate's own client.
 //!
-//! *Limits.* Sockets and times of flight: `cargo xtask ping`, `pymavlink/`.
+//! *Limits.* Tests, parameters and the log: `mavlink_log.rs`. Sockets and times of flight: `cargo xtask ping`, `pymavlink/`.
 
 mod mavlink_frames;
+mod mavlink_line;
 
 use mavlink_frames::{Frame, SIGNED};
+use mavlink_line::{GROUND, ask, feed, heard};
 use mavlink_node::client::{Client, What};
 use mavlink_node::{
-    Address, Ask, Config, Fix, GpsFix, Node, NodeTime, PingReply, Request, Severity, Version,
+    Ask, Command, Config, Fix, GpsFix, Node, NodeTime, PingReply, Refusal, Severity, Version,
 };
 use proptest::prelude::*;
-use timebase::{Cycles, Stamp, StampedByte};
+use timebase::{Cycles, StampedByte};
 
 /// 2026-11-22 04:00:00.123456789 UTC, 90 s after boot.
 const TIME: NodeTime = NodeTime {
@@ -29,35 +31,8 @@ const UNSET: NodeTime = NodeTime {
     utc_ns: None,
 };
 const OURS: [u8; 2] = [1, 1];
-const GROUND: Address = Address {
-    system: 255,
-    component: 190,
-};
-
 fn node() -> Node {
     Node::new(Config::default())
-}
-
-/// Cycles from a byte to the next at 115200 baud.
-const BYTE: u32 = 14_583;
-
-/// Feeds bytes at line rate, the first one at `at`; each is handed over 300 µs late.
-fn feed(node: &mut Node, at: u64, bytes: &[u8]) -> Vec<Request> {
-    let arrivals = (0..).map(|nth: u64| at + nth * u64::from(BYTE));
-    arrivals
-        .zip(bytes)
-        .filter_map(|(arrival, &byte)| {
-            let stamp = Stamp(arrival as u32);
-            node.receive(StampedByte { stamp, byte }, Cycles(arrival + 50_400))
-        })
-        .collect()
-}
-
-/// The only request in `bytes`.
-fn ask(node: &mut Node, bytes: &[u8]) -> Request {
-    let requests = feed(node, 1 << 40, bytes);
-    assert_eq!(requests.len(), 1, "{bytes:02x?}");
-    requests[0]
 }
 
 fn hex(digits: &str) -> Vec<u8> {
@@ -255,7 +230,13 @@ fn commands_to_us_are_refused_whatever_their_number() {
         ] {
             let mut node = node();
             let request = ask(&mut node, &frame.bytes());
-            assert_eq!(request.ask, Ask::Command { number });
+            assert_eq!(
+                request.ask,
+                Ask::Command(Command {
+                    number,
+                    meaning: Err(Refusal::Unsupported)
+                })
+            );
             // COMMAND_ACK: number, MAV_RESULT_UNSUPPORTED; extensions progress,
             // result_param2, target.
             let mut payload = number.to_le_bytes().to_vec();
@@ -307,7 +288,8 @@ fn foreign_messages_do_no_harm() {
     let mut stream =
         b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n".to_vec();
     stream.extend(Frame::message(true, 0, 50, vec![0, 0, 0, 0, 6, 8, 0, 0, 3]).bytes());
-    stream.extend(Frame::message(false, 21, 159, vec![1, 1]).bytes());
+    // REQUEST_DATA_STREAM.
+    stream.extend(Frame::message(false, 66, 148, vec![4, 0, 1, 1, 0, 1]).bytes());
     // An unknown message with an id above 16 bits, and one with the id of PING
     // in its lowest byte only.
     stream.extend(Frame::message(true, 0x0001_0004, 1, vec![7; 14]).bytes());
@@ -398,16 +380,6 @@ fn what_is_told_unasked() {
         let long = node.statustext(Severity::Info, &"x".repeat(200));
         assert_eq!(long.len(), if v2 { 63 } else { 59 });
     }
-}
-
-/// What the client makes of a node's frame.
-fn heard(frame: &[u8]) -> Option<What> {
-    let mut client = Client::new(GROUND, Version::V2);
-    let stamp = Stamp(0);
-    let mut heard = frame
-        .iter()
-        .filter_map(|&byte| client.receive(StampedByte { stamp, byte }));
-    heard.next().map(|heard| heard.what)
 }
 
 proptest! {

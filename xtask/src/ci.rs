@@ -7,6 +7,7 @@ use std::process::Command;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
+use console::Way;
 
 use crate::image::{TARGET, cargo, run};
 
@@ -25,9 +26,14 @@ pub fn run_all() -> Result<()> {
             .args(["clippy", "--workspace", "--all-targets", "--locked"])
             .args(DENY_WARNINGS),
     )?;
-    for features in ["pixhawk1", "pixhawk1,bench", "qemu"] {
+    for (features, way) in [
+        ("pixhawk1", Way::STANDARD),
+        ("pixhawk1,bench", Way::STANDARD),
+        ("qemu", Way::STANDARD),
+        ("pixhawk1", Way::PaperStep1),
+    ] {
         step(
-            &format!("clippy on the target, {features}"),
+            &format!("clippy on the target, {features}, {way}"),
             cargo()
                 .args([
                     "clippy",
@@ -38,6 +44,7 @@ pub fn run_all() -> Result<()> {
                     TARGET,
                 ])
                 .args(["--no-default-features", "--features", features, "--locked"])
+                .env("PIXCLOCK_WAY", way.name())
                 .args(DENY_WARNINGS),
         )?;
     }
@@ -55,14 +62,27 @@ pub fn run_all() -> Result<()> {
     step("bounds", xtask().args(["compare", "--check"]))?;
     step("size", xtask().arg("size"))?;
     step("board tests", xtask().arg("board-test"))?;
+    step(
+        "the paper's experiment",
+        xtask()
+            .args(["testbed", "--check", "--duration", "60", "--way"])
+            .arg(JUDGED_WAYS),
+    )?;
     step("cost", xtask().arg("bench"))?;
     step("sim", xtask().args(["sim", "--duration", "10"]))?;
     step("qemu", xtask().args(["qemu", "--duration", "10"]))?;
+    step(
+        "qemu in one of the paper's ways",
+        xtask().args(["qemu", "--way", "paper-step1", "--duration", "10"]),
+    )?;
     step("ticks on qemu", xtask().arg("qemu-ticks"))?;
     step("pymavlink", xtask().arg("pymavlink"))?;
     println!("all of it holds, after {} s", started.elapsed().as_secs());
     Ok(())
 }
+
+/// The ways of the testbed that have bounds.
+const JUDGED_WAYS: &str = "paper-default-mixed,paper-step1,paper-step2:50,pixclock,pixclock-pps";
 
 /// What makes clippy fail on a warning.
 const DENY_WARNINGS: [&str; 3] = ["--", "--deny", "warnings"];

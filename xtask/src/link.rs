@@ -9,12 +9,14 @@
 //! *Limits.* One address a name: the first one that can be connected.
 
 use std::fmt;
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{self, ErrorKind, Read as _, Write as _};
 use std::net::{TcpStream, UdpSocket};
+use std::path::Path;
 use std::str::FromStr;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
+use serialport::SerialPort;
 
 /// The longest time that a read waits.
 const PATIENCE: Duration = Duration::from_millis(20);
@@ -90,16 +92,13 @@ impl fmt::Display for Address {
 
 /// An open line to a node.
 pub enum Link {
-    /// A stream of bytes: TCP or a serial line.
-    Stream(Box<dyn Stream>),
+    /// A TCP stream.
+    Tcp(TcpStream),
+    /// A serial line.
+    Serial(Box<dyn SerialPort>),
     /// Datagrams.
     Datagrams(UdpSocket),
 }
-
-/// Something to read from and write to.
-pub trait Stream: Read + Write {}
-
-impl<T: Read + Write> Stream for T {}
 
 impl Link {
     /// Opens the line.
@@ -113,9 +112,7 @@ impl Link {
                 let stream = TcpStream::connect(place).with_context(|| {
                     format!("no node at {address} (`cargo xtask sim` starts one)")
                 })?;
-                stream.set_nodelay(true)?;
-                stream.set_read_timeout(Some(PATIENCE))?;
-                Self::Stream(Box::new(stream))
+                Self::over(stream)?
             }
             Address::Udp(place) => {
                 let socket = UdpSocket::bind("0.0.0.0:0")?;
@@ -127,9 +124,32 @@ impl Link {
             }
             Address::Serial(device, baud) => {
                 let port = serialport::new(device, *baud).timeout(PATIENCE).open();
-                let port = port.with_context(|| format!("{device} cannot be opened"))?;
-                Self::Stream(Box::new(port))
+                Self::Serial(port.with_context(|| why_not_opened(device))?)
             }
+        })
+    }
+
+    /// A line over a stream that is connected already.
+    ///
+    /// # Errors
+    ///
+    /// When the system does not let it be set up.
+    pub fn over(stream: TcpStream) -> Result<Self> {
+        stream.set_nodelay(true)?;
+        stream.set_read_timeout(Some(PATIENCE))?;
+        Ok(Self::Tcp(stream))
+    }
+
+    /// The same line once more, for a thread of its own.
+    ///
+    /// # Errors
+    ///
+    /// When the system has no more handles.
+    pub fn another(&self) -> Result<Self> {
+        Ok(match self {
+            Self::Tcp(stream) => Self::Tcp(stream.try_clone()?),
+            Self::Serial(port) => Self::Serial(port.try_clone()?),
+            Self::Datagrams(socket) => Self::Datagrams(socket.try_clone()?),
         })
     }
 
@@ -140,7 +160,8 @@ impl Link {
     /// When the line is gone.
     pub fn send(&mut self, bytes: &[u8]) -> Result<()> {
         match self {
-            Self::Stream(stream) => stream.write_all(bytes),
+            Self::Tcp(stream) => stream.write_all(bytes),
+            Self::Serial(port) => port.write_all(bytes),
             Self::Datagrams(socket) => socket.send(bytes).map(drop),
         }
         .context("the line to the node is gone")
@@ -152,11 +173,13 @@ impl Link {
     ///
     /// When the line is gone.
     pub fn receive<'a>(&mut self, buffer: &'a mut [u8]) -> Result<&'a [u8]> {
+        let end_is_an_end = |got| match got {
+            Ok(0) => Err(ErrorKind::UnexpectedEof.into()),
+            got => got,
+        };
         let got = match self {
-            Self::Stream(stream) => match stream.read(buffer) {
-                Ok(0) => Err(ErrorKind::UnexpectedEof.into()),
-                got => got,
-            },
+            Self::Tcp(stream) => end_is_an_end(stream.read(buffer)),
+            Self::Serial(port) => end_is_an_end(port.read(buffer)),
             Self::Datagrams(socket) => socket.recv(buffer),
         };
         match got {
@@ -164,6 +187,18 @@ impl Link {
             Err(error) if is_silence(&error) => Ok(&[]),
             Err(error) => Err(error).context("the line to the node is gone"),
         }
+    }
+}
+
+/// What to do about a serial device that cannot be opened.
+fn why_not_opened(device: &str) -> String {
+    if Path::new(device).exists() {
+        format!(
+            "{device} cannot be opened; if another program holds it (a ground station, \
+             ModemManager), close that, and see that you may use serial ports"
+        )
+    } else {
+        format!("there is no {device}; plug the adapter in, or name another device")
     }
 }
 

@@ -20,6 +20,7 @@ mod qemu_ticks;
 mod replay;
 mod sim;
 mod size;
+mod testbed;
 mod tool;
 
 use std::process::ExitCode;
@@ -50,6 +51,8 @@ enum Verb {
     Replay(replay::Options),
     /// Our clock and other people's in the simulated world, beside the bounds
     Compare(compare::Options),
+    /// The paper's experiment, on virtual boards, on QEMU or on real boards
+    Testbed(::testbed::Options),
     /// What each job costs, in instructions, beside its budget
     Bench(bench::Options),
     /// What the image takes of flash and RAM
@@ -90,6 +93,7 @@ fn run() -> Result<ExitCode> {
         Verb::Ping(options) => ping::run(&options),
         Verb::Replay(options) => replay::run(&options),
         Verb::Compare(options) => compare::run(&options),
+        Verb::Testbed(options) => testbed::run(&options, &own_arguments()),
         Verb::Bench(options) => bench::run(&options),
         Verb::Size { json } => done(size::check(json)),
         Verb::Deps => done(deps::check()),

@@ -146,18 +146,9 @@ fn run_board(options: &console::Options, image: &Path, index: u16) -> Result<Scr
     let elf = std::fs::read(image).with_context(|| format!("cannot read {}", image.display()))?;
     let mut decoder = LogDecoder::new(&elf)?;
     let mut screen = Screen::new(options, index);
-    let receiver_port = TcpListener::bind("127.0.0.1:0")?;
-    let gps = format!("tcp:{}", receiver_port.local_addr()?);
     let port = options.mavlink_port_of(index);
     let mavlink = format!("tcp:127.0.0.1:{port},server=on,wait=off");
-    // In QEMU's order: USART1, 2, 3, UART4.
-    let mut qemu = Running(
-        command(image)
-            .args(["-serial", "null", "-serial", &mavlink])
-            .args(["-serial", "null", "-serial", &gps])
-            .spawn()
-            .context("cannot start QEMU")?,
-    );
+    let (mut qemu, line) = power_on(&mut command(image), &mavlink)?;
     if !options.json {
         println!(
             "QEMU {MACHINE} on tcp:127.0.0.1:{port}, {}, tick {} µs",
@@ -165,7 +156,6 @@ fn run_board(options: &console::Options, image: &Path, index: u16) -> Result<Scr
             options.way().tick_us()
         );
     }
-    let (line, _) = receiver_port.accept()?;
     let started = Instant::now();
     let mut talker = talker(options, index)?;
     let mut log = qemu.0.stdout.take().context("QEMU has no output")?;
@@ -195,6 +185,38 @@ fn run_board(options: &console::Options, image: &Path, index: u16) -> Result<Scr
         read.or_else(|_| bail!("reading the log failed"))
     })?;
     Ok(screen)
+}
+
+/// Starts `qemu` with its USART2 at `mavlink`, and returns it with the line of its UART4.
+///
+/// # Errors
+///
+/// When QEMU cannot be started or ends at once, a port being taken.
+pub fn power_on(qemu: &mut Command, mavlink: &str) -> Result<(Running, TcpStream)> {
+    let receiver_port = TcpListener::bind("127.0.0.1:0")?;
+    let gps = format!("tcp:{}", receiver_port.local_addr()?);
+    // In QEMU's order: USART1, 2, 3, UART4.
+    let mut qemu = Running(
+        qemu.args(["-serial", "null", "-serial", mavlink])
+            .args(["-serial", "null", "-serial", &gps])
+            .spawn()
+            .context("cannot start QEMU")?,
+    );
+    receiver_port.set_nonblocking(true)?;
+    loop {
+        match receiver_port.accept() {
+            Ok((line, _)) => {
+                line.set_nonblocking(false)?;
+                return Ok((qemu, line));
+            }
+            Err(error) if error.kind() == ErrorKind::WouldBlock => {}
+            Err(error) => return Err(error.into()),
+        }
+        if qemu.0.try_wait()?.is_some() {
+            bail!("QEMU ended by itself, having said why; is a port taken?");
+        }
+        thread::sleep(PATIENCE);
+    }
 }
 
 /// A QEMU that ends when it is dropped.
@@ -250,6 +272,21 @@ fn talker(options: &console::Options, index: u16) -> Result<Player> {
     let mut settings = ReceiverSettings::new(utc_ns);
     settings.seed = u64::from(index);
     Ok(Player::Receiver(Box::new(Receiver::new(settings))))
+}
+
+/// Plays a receiver like `settings` in real time on `line` until `is_over`.
+///
+/// # Errors
+///
+/// When QEMU has ended.
+pub fn play_receiver(
+    settings: ReceiverSettings,
+    line: TcpStream,
+    started: Instant,
+    is_over: impl Fn() -> bool,
+) -> Result<()> {
+    let mut player = Player::Receiver(Box::new(Receiver::new(settings)));
+    play(&mut player, line, started, is_over)
 }
 
 /// Plays the receiver in real time until `is_over`.

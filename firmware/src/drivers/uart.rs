@@ -33,7 +33,7 @@ use heapless::Deque;
 use heapless::spsc::{Consumer, Producer};
 use stm32f4xx_hal::pac::Interrupt;
 use stm32f4xx_hal::pac::usart1::RegisterBlock;
-use timebase::StampedByte;
+use timebase::{CORE_HZ, Stamp, StampedByte};
 
 use super::time;
 use crate::settings::WAY;
@@ -56,6 +56,9 @@ pub const INCOMING: usize = 256;
 
 /// So many bytes wake a task though the line is still talking: 11 ms at 115200.
 const WORTH_WAKING: usize = 128;
+
+/// From look to look of PX4 1.9, in cycles: 1 ms.
+const LOOK_EVERY: u32 = CORE_HZ / 1_000;
 
 /// The incoming ring of a line, beside it rather than in it: all zeros at first, it
 /// takes no flash.
@@ -96,6 +99,8 @@ pub struct Line {
     reader: AtomicWaker,
     /// How many bytes waited at the last call of [`Self::wake_reader`].
     waiting: AtomicUsize,
+    /// When it was last looked for bytes as PX4 does it.
+    looked: AtomicU32,
     counters: [AtomicU32; 5],
 }
 
@@ -136,6 +141,8 @@ impl Line {
             end: Mutex::new(Cell::new(Some(outgoing.0))),
             reader: AtomicWaker::new(),
             waiting: AtomicUsize::new(0),
+            // Between two ticks of a ms.
+            looked: AtomicU32::new(LOOK_EVERY / 2),
             counters: [const { AtomicU32::new(0) }; 5],
         }
     }
@@ -176,6 +183,9 @@ impl Line {
             if incoming.push_back(StampedByte { stamp, byte }).is_err() {
                 self.count(Kind::IncomingFull);
             }
+            if WAY.is_papers() {
+                self.look_as_px4(stamp);
+            }
         }
     }
 
@@ -214,8 +224,7 @@ impl Line {
 
     /// Wakes the reading task when it is worth it: when [`WORTH_WAKING`] bytes wait,
     /// or when some do and no more have come since the last call. To be called once
-    /// a millisecond. In the paper's ways when any do: PX4 1.9 looks into its DMA's buffer once a
-    /// millisecond and wakes who polls (`boards/px4/fmu-v2`, `stm32_serial_dma_poll`).
+    /// a millisecond. In the paper's ways when any do, see [`Self::look_as_px4`].
     #[inline]
     pub fn wake_reader(&self) {
         let waiting = self.with_incoming(|incoming| incoming.len());
@@ -225,6 +234,18 @@ impl Line {
         let has_paused = self.waiting.load(Relaxed) == waiting;
         self.waiting.store(waiting, Relaxed);
         if WAY.is_papers() || has_paused || waiting >= WORTH_WAKING {
+            self.reader.wake();
+        }
+    }
+
+    /// PX4 1.9 looks into its DMA's buffer once a millisecond, by a timer other than the tick's,
+    /// and wakes who polls (`boards/px4/fmu-v2/src/init.c`, `stm32_serial_dma_poll`). Here the
+    /// alarm does it, and between the ticks the first byte after each full period.
+    fn look_as_px4(&self, stamp: Stamp) {
+        let since = stamp.0.wrapping_sub(self.looked.load(Relaxed));
+        if since >= LOOK_EVERY {
+            let looked = stamp.0.wrapping_sub(since % LOOK_EVERY);
+            self.looked.store(looked, Relaxed);
             self.reader.wake();
         }
     }

@@ -7,9 +7,9 @@
 //! sets the clock as of the last tick ([`PaperClock`]). Framing and configuration are those of
 //! [`gnss`](super::gnss), so that the receiver says the same at the same moments in each way.
 //!
-//! *Limits.* What costs a PX4 more is left out, in its favour: the dozens of other tasks beside
-//! this one; the messages beside NAV-PVT that it asks for, in front of it or behind; that a read sees the DMA's
-//! bytes only as of its last look, up to a ms ago. What comes over the pulse's wire is not listened to.
+//! *Limits.* What costs a PX4 more is left out, in its favour: the dozens of other tasks; the
+//! other messages that it asks the receiver for; that a read sees the DMA's bytes only as of its
+//! last look, up to a ms ago. What comes over the pulse's wire is not listened to.
 
 use embassy_futures::select::{Either, select};
 use embassy_time::Timer;

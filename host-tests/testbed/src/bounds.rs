@@ -8,7 +8,7 @@
 //! *Limits.* How the paper's own steps rank among each other is no bound: what their
 //! receivers, oscillators and load were is not known.
 
-use crate::run::{Experiment, Place};
+use crate::run::{Experiment, Place, Run};
 use crate::way::Way;
 
 /// pixclock's mean difference, in ns.
@@ -17,6 +17,9 @@ const PIXCLOCK_NS: f64 = 300_000.0;
 const BETTER: f64 = 20.0;
 /// The same on the pulse, as seen through PINGs, in ns.
 const PULSE_NS: f64 = 500.0;
+
+/// Up to so many PINGs a second no answer may be missing.
+const EASY_HZ: u32 = 100;
 
 /// A bound and what was measured.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,6 +73,20 @@ pub fn judge(experiment: &Experiment) -> Vec<Bound> {
             "paper-default-mixed stands above paper-step1",
             format!("{:.2} ms, {:.2} ms", mixed / 1e6, step1 / 1e6),
             mixed > step1,
+        );
+    }
+    let missing: usize = experiment.runs.iter().map(Run::missing).sum();
+    if experiment.rate_hz <= EASY_HZ {
+        let told = format!("{missing} missing");
+        hold("every PING is answered", told, missing == 0);
+    } else {
+        let full: Option<u32> = experiment.runs.iter().map(Run::line_full).sum();
+        let told = format!("{missing} missing, {} by their count", full.unwrap_or(0));
+        let counted = full.is_some_and(|full| missing <= full as usize);
+        hold(
+            "answers are missing only where the boards' lines were full",
+            told,
+            counted,
         );
     }
     bounds

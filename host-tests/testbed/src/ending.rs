@@ -43,6 +43,7 @@ impl Keeper {
             folder: Folder::create(&options.out)?,
             experiment: Experiment {
                 command: options.command(),
+                rate_hz: options.rate,
                 place,
                 conditions,
                 runs: Vec::new(),
@@ -148,6 +149,19 @@ pub fn text(experiment: &Experiment) -> String {
     }
     if experiment.place != Place::Virtual {
         let _ = write!(out, "{}", report::noise_text(experiment));
+    }
+    for run in experiment.runs.iter().filter(|run| run.missing() > 0) {
+        let _ = write!(
+            out,
+            "{}, seed {}: {} answers missing",
+            run.way,
+            run.seed,
+            run.missing()
+        );
+        let _ = match run.line_full() {
+            Some(full) => writeln!(out, ", {full} frames not sent because the line was full"),
+            None => writeln!(out),
+        };
     }
     for bound in bounds::judge(experiment) {
         let verdict = if bound.holds { "holds" } else { "BROKEN" };

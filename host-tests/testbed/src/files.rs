@@ -117,7 +117,7 @@ fn write_csv(
 ) -> Result<()> {
     let mut csv = csv::Writer::from_writer(Vec::new());
     rows(&mut csv)?;
-    let bytes = csv.into_inner().map_err(|error| error.into_error())?;
+    let bytes = csv.into_inner().map_err(csv::IntoInnerError::into_error)?;
     write(path, &bytes)
 }
 
@@ -210,6 +210,7 @@ fn run_value(run: &Run) -> Value {
                 "name": record.name,
                 "asked": record.asked,
                 "answered": record.samples.len(),
+                "line_full": record.line_full,
                 "used": record.good().count(),
                 "round_trip": Spread::of(trips).map(spread_value),
                 "send_delay": Spread::of(delays).map(spread_value),

@@ -11,6 +11,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
+use world::Latency;
 
 use crate::way::{Image, Way};
 
@@ -136,6 +137,16 @@ pub enum Receivers {
 }
 
 impl Receivers {
+    /// What they take from an epoch to their message.
+    #[must_use]
+    pub fn latency(self) -> Latency {
+        match self {
+            Self::M8 => Latency::m8(),
+            Self::F9 => Latency::f9(),
+            Self::Harsh => Latency::harsh_m8(),
+        }
+    }
+
     /// What a person reads.
     #[must_use]
     pub const fn title(self) -> &'static str {

@@ -16,9 +16,11 @@ use plotters::prelude::*;
 use crate::pairing::Difference;
 
 /// In units of the picture, which is as wide as its column.
-const SIZE: (u32, u32) = (640, 340);
+const SIZE: (u32, u32) = (560, 320);
 /// Columns into which the time is cut.
 const COLUMNS: usize = 280;
+/// Above the curve, for the names of the lines.
+const HEADROOM: f64 = 1.32;
 const FONT: &str = "sans-serif";
 const FONT_SIZE: i32 = 17;
 /// The curve, dark enough for grey print and lighter than the lines upon it.
@@ -43,7 +45,7 @@ pub struct Level {
 pub fn svg(differences: &[Difference], duration_s: u32, levels: &[Level]) -> Result<String> {
     let sizes = differences.iter().map(|d| d.ns.unsigned_abs() as f64);
     let shown = levels.iter().map(|level| level.ns);
-    let top = sizes.chain(shown).fold(0.0, f64::max).max(1_000.0) * 1.08;
+    let top = sizes.chain(shown).fold(0.0, f64::max).max(1_000.0) * HEADROOM;
     let (unit, name) = unit_for(top);
     let end = f64::from(duration_s.max(1));
     let mut text = String::new();
@@ -64,7 +66,8 @@ pub fn svg(differences: &[Difference], duration_s: u32, levels: &[Level]) -> Res
             .y_labels(6)
             .label_style((FONT, FONT_SIZE))
             .axis_desc_style((FONT, FONT_SIZE))
-            .x_desc("s")
+            .x_label_formatter(&|s| format!("{s:.0}"))
+            .x_desc("time, s")
             .y_desc(format!("difference, {name}"))
             .draw()?;
         chart.draw_series(LineSeries::new(

@@ -22,6 +22,8 @@ use mavlink_node::client::What;
 pub const EARLIEST_UTC_US: u64 = 1_451_606_400_000_000;
 /// How long a receiver has been lost at most when it is told, in ns.
 const LOST_BEFORE_NS: i64 = 3_000_000_000;
+/// GPS_FIX_TYPE_NO_GPS.
+const NO_RECEIVER: u8 = 0;
 /// How long a board says nothing before it is said to be silent, in ns: five of its
 /// HEARTBEATs.
 pub const SILENCE_NS: i64 = 5_000_000_000;
@@ -121,7 +123,10 @@ pub struct Record {
     pub name: String,
     /// PINGs sent.
     pub asked: u32,
-    /// Those that were answered, in the order of their numbers.
+    /// Answers and other frames that the board itself counted as not sent because its line
+    /// was full, where it was asked.
+    pub line_full: Option<u32>,
+    /// The PINGs that were answered, in the order of their numbers.
     pub samples: Vec<Sample>,
     /// What went wrong, in the order of time.
     pub troubles: Vec<Trouble>,
@@ -204,12 +209,12 @@ impl Conversation {
                     verdict: Verdict::Good,
                 });
             }
+            What::Fix { fix_type } => self.heard_of_receiver(now_ns, fix_type != NO_RECEIVER),
             _ => {}
         }
     }
 
-    /// The board said at `now_ns` whether it hears its receiver.
-    pub fn heard_of_receiver(&mut self, now_ns: i64, hears: bool) {
+    fn heard_of_receiver(&mut self, now_ns: i64, hears: bool) {
         match (self.hears_receiver, hears) {
             (true, false) => self.deaf.push((now_ns - LOST_BEFORE_NS, i64::MAX)),
             (false, true) => {
@@ -259,7 +264,7 @@ impl Conversation {
             };
         }
         let mut troubles = Vec::new();
-        if samples.is_empty() {
+        if samples.is_empty() && !self.sent.is_empty() {
             troubles.push(Trouble::NoAnswer);
         } else if samples
             .iter()
@@ -267,11 +272,9 @@ impl Conversation {
         {
             troubles.push(Trouble::NeverSet);
         }
-        troubles.extend(
-            self.deaf
-                .iter()
-                .map(|&(from, _)| Trouble::LostReceiver(from)),
-        );
+        // A receiver that was found before the test began is no trouble.
+        let deaf = self.deaf.iter().filter(|&&(_, to)| to > 0);
+        troubles.extend(deaf.map(|&(from, _)| Trouble::LostReceiver(from)));
         troubles.extend(self.rebooted_ns.map(Trouble::Rebooted));
         let is_silent = self.fell_silent_ns.filter(|_| self.rebooted_ns.is_none());
         troubles.extend(
@@ -282,6 +285,7 @@ impl Conversation {
         Record {
             name: self.name,
             asked: self.sent.len() as u32,
+            line_full: None,
             samples,
             troubles,
             send_delays_ns: self.send_delays_ns,
@@ -363,10 +367,13 @@ mod tests {
         for sequence in 0..120 {
             answer(&mut conversation, sequence, UTC_US);
         }
-        conversation.heard_of_receiver(2 * SECOND, true);
-        conversation.heard_of_receiver(5 * SECOND, false);
-        conversation.heard_of_receiver(8 * SECOND, false);
-        conversation.heard_of_receiver(10 * SECOND, true);
+        // Found before the test began.
+        conversation.heard(-9 * SECOND, &What::Fix { fix_type: 0 });
+        conversation.heard(-8 * SECOND, &What::Fix { fix_type: 3 });
+        conversation.heard(2 * SECOND, &What::Fix { fix_type: 3 });
+        conversation.heard(5 * SECOND, &What::Fix { fix_type: 0 });
+        conversation.heard(8 * SECOND, &What::Fix { fix_type: 0 });
+        conversation.heard(10 * SECOND, &What::Fix { fix_type: 2 });
         let record = conversation.end(None);
         assert_eq!(record.good().count(), 20 + 20);
         assert_eq!(record.troubles, [Trouble::LostReceiver(2 * SECOND)]);

@@ -124,7 +124,7 @@ fn table(experiment: &Experiment) -> Markup {
                     tr.ours[!way.is_papers()] {
                         td { (way.title()) }
                         td { (way.paper_ms().map_or_else(|| "–".to_owned(), |ms| format!("{ms:.2} ms"))) }
-                        td { (experiment.estimate(way).map_or_else(none, told_estimate)) }
+                        td.wide { (estimate(experiment.estimate(way))) }
                         @let spread = experiment.spread(way);
                         td { (spread.map_or_else(none, |s| told(s.p95 as f64))) }
                         td { (spread.map_or_else(none, |s| told(s.max as f64))) }
@@ -144,7 +144,12 @@ fn table(experiment: &Experiment) -> Markup {
              difference, so ours comes with equal and with unequal ones. "
             @let missing: usize = experiment.runs.iter().map(Run::missing).sum();
             @let asked: u32 = experiment.runs.iter().flat_map(|run| &run.records).map(|r| r.asked).sum();
-            (asked) " PINGs were sent, " (missing) " answers are missing."
+            (asked) " PINGs were sent, " (missing) " answers are missing"
+            @let full: Option<u32> = experiment.runs.iter().map(Run::line_full).sum();
+            @if let Some(full) = full.filter(|_| missing > 0) {
+                "; the boards counted " (full) " frames that found their line full"
+            }
+            "."
         }
         @let bounds = bounds::judge(experiment);
         @if !bounds.is_empty() {
@@ -161,7 +166,9 @@ fn errors(experiment: &Experiment) -> Markup {
         h3 { "Each board against UTC" }
         p {
             "On virtual boards the truth is known. A clock that knows nothing of its receiver’s \
-             latency is late by its floor; between equal receivers that cancels. The pulse has none."
+             latency is late by its floor; between equal receivers that cancels. The pulse has none: what \
+             is left with it is that answers are rounded down to whole microseconds, by half of one on \
+             average."
         }
         div.scroll { table {
             thead { tr { th { "way" } th { "board" } th { "mean" } th { "95 % below" } th { "largest" } } }
@@ -291,7 +298,11 @@ fn figure(experiment: &Experiment, run: &Run) -> Result<Markup> {
 
 fn how(experiment: &Experiment) -> Markup {
     html! {
-        pre { code { (experiment.command) } }
+        pre { code {
+            @for (number, word) in experiment.command.split(" --").enumerate() {
+                @if number == 0 { span { (word) } } @else { " " span { "--" (word) } }
+            }
+        } }
         dl { @for (name, value) in &experiment.conditions { dt { (name) } dd { (value) } } }
         @if experiment.place == Place::Virtual {
             p {
@@ -335,6 +346,19 @@ fn beside_the_paper(experiment: &Experiment) -> Markup {
     }
 }
 
+/// A mean, with its confidence interval below it where there is no room beside it.
+fn estimate(estimate: Option<Estimate>) -> Markup {
+    html! {
+        @match estimate {
+            None => { (none()) }
+            Some(Estimate { mean, half_width, .. }) => {
+                span { (told(mean)) }
+                @if let Some(half) = half_width { " " span { "± " (told(half)) } }
+            }
+        }
+    }
+}
+
 /// A mean with its confidence interval.
 pub(crate) fn told_estimate(estimate: Estimate) -> String {
     match estimate.half_width {
@@ -350,6 +374,7 @@ fn none() -> String {
 /// A time in the unit that fits its size, with three digits.
 pub(crate) fn told(ns: f64) -> String {
     let (value, unit) = match ns {
+        0.0 => return "0".to_owned(),
         ..1e3 => (ns, "ns"),
         ..1e6 => (ns / 1e3, "µs"),
         ..1e9 => (ns / 1e6, "ms"),

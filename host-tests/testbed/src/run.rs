@@ -48,6 +48,13 @@ impl Run {
         self.records.iter().map(of).sum()
     }
 
+    /// Frames that the boards counted as not sent because their line was full; none where
+    /// they were not asked.
+    #[must_use]
+    pub fn line_full(&self) -> Option<u32> {
+        self.records.iter().map(|record| record.line_full).sum()
+    }
+
     /// Each trouble with the name of its board.
     pub fn troubles(&self) -> impl Iterator<Item = (&str, &Trouble)> {
         self.records.iter().flat_map(|record| {
@@ -73,6 +80,8 @@ pub enum Place {
 pub struct Experiment {
     /// The command that repeats it.
     pub command: String,
+    /// PINGs a second.
+    pub rate_hz: u32,
     /// Where the boards are.
     pub place: Place,
     /// What was asked for, in words, and its value: what the report tells of the run.

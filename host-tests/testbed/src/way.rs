@@ -12,6 +12,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use console::Way as Built;
+
 /// The baud rate that everybody but one board of the mixed way uses.
 const BAUD: u32 = 115_200;
 /// The other rate of the mixed way.
@@ -35,19 +37,29 @@ pub enum Way {
 }
 
 /// What the firmware of one board is built with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Image {
-    /// `PIXCLOCK_WAY`.
-    pub way: &'static str,
-    /// `PIXCLOCK_TICK_US`.
-    pub tick_us: u32,
-    /// `PIXCLOCK_GPS_BAUD`.
+    /// How it keeps the clock, and its tick.
+    pub way: Built,
+    /// The rate of the receiver's line, in Bd.
     pub gps_baud: u32,
+}
+
+impl Image {
+    /// What the firmware calls its ways, by the number that it tells as the parameter
+    /// `PC_WAY`.
+    pub const NAMES: [&'static str; 4] =
+        ["pixclock", "paper-default", "paper-step1", "paper-step2"];
 }
 
 impl fmt::Display for Image {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}-{}us-{}", self.way, self.tick_us, self.gps_baud)
+        let (name, tick_us) = (self.way.name(), self.way.tick_us());
+        write!(
+            f,
+            "{name} with a tick of {tick_us} µs, the receiver at {} Bd",
+            self.gps_baud
+        )
     }
 }
 
@@ -63,11 +75,6 @@ impl Way {
         Self::Pixclock,
         Self::PixclockPps,
     ];
-
-    /// What the firmware calls its ways (`PIXCLOCK_WAY`), by the number that it tells
-    /// as the parameter `PC_WAY`.
-    pub const BUILT: [&'static str; 4] =
-        ["pixclock", "paper-default", "paper-step1", "paper-step2"];
 
     /// What a person reads.
     #[must_use]
@@ -124,21 +131,17 @@ impl Way {
     /// What board `index`, counted from 0, is built with.
     #[must_use]
     pub const fn image(self, index: usize) -> Image {
-        let (way, tick_us) = match self {
-            Self::PaperDefault | Self::PaperDefaultMixed => (Self::BUILT[1], 1_000),
-            Self::PaperStep1 => (Self::BUILT[2], 1_000),
-            Self::PaperStep2(tick_us) => (Self::BUILT[3], tick_us),
-            Self::Pixclock | Self::PixclockPps => (Self::BUILT[0], 50),
+        let way = match self {
+            Self::PaperDefault | Self::PaperDefaultMixed => Built::PaperDefault,
+            Self::PaperStep1 => Built::PaperStep1,
+            Self::PaperStep2(tick_us) => Built::PaperStep2 { tick_us },
+            Self::Pixclock | Self::PixclockPps => Built::STANDARD,
         };
         let gps_baud = match self {
             Self::PaperDefaultMixed if index > 0 => SLOW_BAUD,
             _ => BAUD,
         };
-        Image {
-            way,
-            tick_us,
-            gps_baud,
-        }
+        Image { way, gps_baud }
     }
 
     /// Its name as a folder's: without the colon, which not every file system takes.

@@ -12,10 +12,10 @@
 use mavlink::MavlinkVersion::V2;
 use mavlink::MessageData;
 use mavlink::dialects::common::{
-    COMMAND_ACK_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA, LOG_DATA_DATA, LOG_ENTRY_DATA,
-    LOG_ERASE_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, MavCmd,
-    PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_VALUE_DATA, STATUSTEXT_DATA,
-    SYSTEM_TIME_DATA, TIMESYNC_DATA,
+    COMMAND_ACK_DATA, COMMAND_LONG_DATA, GPS_RAW_INT_DATA, HEARTBEAT_DATA, LOG_DATA_DATA,
+    LOG_ENTRY_DATA, LOG_ERASE_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA,
+    LOG_REQUEST_LIST_DATA, MavCmd, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA,
+    PARAM_VALUE_DATA, STATUSTEXT_DATA, SYSTEM_TIME_DATA, TIMESYNC_DATA,
 };
 use timebase::StampedByte;
 
@@ -48,6 +48,11 @@ pub enum What {
         time_unix_usec: u64,
         /// Time since boot, in ms.
         time_boot_ms: u32,
+    },
+    /// What its receiver tells.
+    Fix {
+        /// GPS_FIX_TYPE: 0 where no receiver is heard.
+        fix_type: u8,
     },
     /// Its answer to a PING.
     Ping {
@@ -134,6 +139,7 @@ impl Wanted for Answers {
     const KINDS: &'static [Kind] = &[
         Kind::of::<HEARTBEAT_DATA>(9, 1),
         Kind::of::<SYSTEM_TIME_DATA>(12, 1),
+        Kind::of::<GPS_RAW_INT_DATA>(30, 1),
         Ping::KIND,
         Kind::of::<TIMESYNC_DATA>(16, 1),
         Kind::of::<COMMAND_ACK_DATA>(3, 1),
@@ -146,6 +152,9 @@ impl Wanted for Answers {
 
 /// The longest payload that a client wants: LOG_DATA.
 const MAX_PAYLOAD: usize = LOG_DATA_DATA::ENCODED_LEN;
+
+/// Where GPS_RAW_INT has its type of fix, behind what is longer than a byte.
+const FIX_TYPE: usize = 28;
 
 /// Asks, and understands what is said.
 #[derive(Debug)]
@@ -296,6 +305,10 @@ fn what(frame: &Delimited<MAX_PAYLOAD>) -> Option<What> {
                 time_boot_ms: time.time_boot_ms,
             }
         }
+        GPS_RAW_INT_DATA::ID => What::Fix {
+            // By hand, for types that the enum does not know.
+            fix_type: payload.get(FIX_TYPE).copied()?,
+        },
         Ping::ID => {
             let ping = Ping::parse(payload)?;
             What::Ping {

@@ -33,12 +33,16 @@ pub mod frame;
 pub mod framer;
 mod log_transfer;
 pub mod node;
+mod node_time;
 pub mod parameter;
 mod ping;
+mod request;
 pub mod telling;
 
 pub use command::{Command, Refusal, Test};
 pub use frame::{Address, Frame, Version};
-pub use node::{Ask, Config, Counters, Holdings, Node, NodeTime, PingReply, Request};
+pub use node::{Config, Counters, Node, PingReply};
+pub use node_time::NodeTime;
 pub use parameter::Parameter;
+pub use request::{Ask, Holdings, Request};
 pub use telling::{Fix, GpsFix, Severity};

@@ -14,7 +14,8 @@ use mavlink::dialects::common::{LOG_DATA_DATA, LOG_ENTRY_DATA};
 
 use crate::client::LOG_DATA_LEN;
 use crate::frame::{Frame, Sender, Version};
-use crate::node::{Holdings, per_thousand};
+use crate::node_time::per_thousand;
+use crate::request::Holdings;
 
 /// The number of the log.
 pub(crate) const LOG_ID: u16 = 1;

@@ -32,8 +32,10 @@ use crate::command::{Command, Test};
 use crate::frame::{Address, Frame, Sender, Version};
 use crate::framer::{Delimited, Framer, FramingCounters, Kind, Wanted};
 use crate::log_transfer::{LOG_ID, LogTransfer};
+use crate::node_time::NodeTime;
 use crate::parameter::{self, Name, Parameter};
 use crate::ping::Ping;
+use crate::request::{Ask, Holdings, Request};
 use crate::telling::Severity;
 
 /// How a node behaves.
@@ -67,112 +69,6 @@ pub enum PingReply {
     RtosTime,
     /// The `time_usec` of the request, as the MAVLink guide describes it.
     Echo,
-}
-
-/// The node's time at one moment.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct NodeTime {
-    /// Time since boot, in µs.
-    pub boot_us: u64,
-    /// UTC in ns since 1970, once the clock is set.
-    pub utc_ns: Option<i64>,
-}
-
-impl NodeTime {
-    /// UTC in µs; 0 until the clock is set.
-    #[must_use]
-    pub fn utc_us(self) -> u64 {
-        per_thousand(u64::try_from(self.utc_ns.unwrap_or(0)).unwrap_or(0))
-    }
-
-    /// UTC in µs; since boot until the clock is set.
-    #[must_use]
-    pub fn rtos_us(self) -> u64 {
-        match self.utc_ns {
-            Some(_) => self.utc_us(),
-            None => self.boot_us,
-        }
-    }
-
-    /// UTC in ns; since boot until the clock is set. Never 0, which in a
-    /// TIMESYNC would mean a request.
-    #[must_use]
-    pub fn rtos_ns(self) -> i64 {
-        let since_boot = || i64::try_from(self.boot_us.saturating_mul(1_000)).unwrap_or(i64::MAX);
-        match self.utc_ns.unwrap_or_else(since_boot) {
-            0 => 1,
-            ns => ns,
-        }
-    }
-
-    /// Time since boot, in ms, modulo 2^32.
-    #[must_use]
-    pub fn boot_ms(self) -> u32 {
-        per_thousand(self.boot_us) as u32
-    }
-}
-
-/// A thousandth, rounded down: long division by digits of 16 bits, because a
-/// division of 64 bits is a library call of hundreds of instructions here.
-pub(crate) fn per_thousand(n: u64) -> u64 {
-    let (mut quotient, mut rest) = (0, 0);
-    for shift in [48, 32, 16, 0] {
-        let part = (rest << 16) | ((n >> shift) as u32 & 0xffff);
-        quotient = (quotient << 16) | u64::from(part / 1_000);
-        rest = part % 1_000;
-    }
-    quotient
-}
-
-/// Somebody asks something of this node.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Request {
-    /// When the first byte of the frame had arrived.
-    pub arrival: Cycles,
-    /// Who asks.
-    pub from: Address,
-    /// In which version, hence in which the answer goes out.
-    pub version: Version,
-    /// What is asked.
-    pub ask: Ask,
-}
-
-/// What is asked.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ask {
-    /// PING: the node's time.
-    Ping {
-        /// The request's time, in µs of the sender's own clock.
-        time_usec: u64,
-        /// Its number, which the answer keeps.
-        seq: u32,
-    },
-    /// TIMESYNC: the node's time between two of the sender's.
-    TimeSync {
-        /// The sender's time, in ns of its own clock; returned bit for bit.
-        ts1: i64,
-    },
-    /// COMMAND_LONG or COMMAND_INT: a test begins or ends, or a refusal. A test is to
-    /// begin or end before this is answered.
-    Command(Command),
-    /// LOG_ERASE: the log is to be cleared before this is answered.
-    EraseLog,
-}
-
-/// Where a node finds what it is asked for.
-pub trait Holdings {
-    /// The value of a parameter.
-    fn parameter(&self, parameter: Parameter) -> f32;
-
-    /// The length of the log's file, in bytes.
-    fn log_len(&self) -> u32;
-
-    /// When the log was begun, in ns of UTC since 1970, if it was and that is known.
-    fn log_began_ns(&self) -> Option<i64>;
-
-    /// Fills `out` with the log's file from `offset` on. The number of bytes: fewer
-    /// than there is room for at its end.
-    fn read_log(&self, offset: u32, out: &mut [u8]) -> usize;
 }
 
 /// What a node has heard, by kind. All wrap.

@@ -16,7 +16,7 @@ use core::fmt;
 use mavlink::dialects::common::{MavParamType, PARAM_VALUE_DATA};
 
 use crate::frame::{Frame, Sender, Version};
-use crate::node::Holdings;
+use crate::request::Holdings;
 
 /// A parameter of a node. Its index over MAVLink is its place here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -17,7 +17,8 @@ use mavlink::dialects::common::{
 };
 
 use crate::frame::Frame;
-use crate::node::{Node, NodeTime};
+use crate::node::Node;
+use crate::node_time::NodeTime;
 
 /// A position as the receiver told it, in the units of GPS_RAW_INT.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

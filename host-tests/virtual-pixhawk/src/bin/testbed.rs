@@ -19,16 +19,15 @@ use std::thread;
 use anyhow::Context as _;
 use clap::Parser;
 use clap::{CommandFactory as _, error::ErrorKind};
+use console::Status;
 use fastrand::Rng;
 use indicatif::ProgressBar;
 use mavlink_node::client::Client;
 use mavlink_node::{Address, Version};
-use testbed::{
-    Boards, Conversation, Keeper, Options, Place, Receivers, Record, Run, Schedule, Way, progress,
-};
+use testbed::{Boards, Conversation, Keeper, Options, Place, Record, Run, Schedule, Way, progress};
 use timebase::{Stamp, StampedByte};
 use virtual_pixhawk::{Builder, Connector, Firmware, Gaps, Script};
-use world::{Latency, Pulses, Receiver, ReceiverSettings, Transmission, WorldNanos};
+use world::{Pulses, Receiver, ReceiverSettings, Transmission, WorldNanos};
 
 const SECOND: u64 = 1_000_000_000;
 /// 2026-11-22T04:00:00Z: UTC when the first board may get power.
@@ -42,8 +41,9 @@ const BAUD: u32 = 115_200;
 const FIRST_BYTE_NS: i64 = 86_905;
 /// Receivers have a TCXO that is within so many ppb.
 const RECEIVER_PPB: i32 = 1_000;
-/// How long answers are waited for after the last PING, in ns.
-const AFTERWARDS_NS: u64 = SECOND;
+/// How long a board is listened to after the last PING, in ns: for its last answers and
+/// its next status line.
+const AFTERWARDS_NS: u64 = SECOND * 6 / 5;
 /// The laptop: a ground station and the component that MAVLink gives to no device.
 const LAPTOP: Address = Address {
     system: 255,
@@ -88,6 +88,8 @@ fn run(options: &Options) -> anyhow::Result<ExitCode> {
         for seed in options.seeds() {
             bar.set_message(format!("{way}, seed {seed}"));
             match one_run(options, way, seed, &bar) {
+                // One that Ctrl-C ended before its first PING has nothing to keep.
+                Ok(run) if run.lasted_s == 0 => {}
                 Ok(run) => keeper.keep(run),
                 Err(error) => {
                     keeper.cut_short(&format!("{way}, seed {seed}: {error:#}"));
@@ -197,11 +199,7 @@ impl Lab {
         let receiver = ReceiverSettings {
             seed: rng.u64(..),
             crystal_ppb: rng.i32(-RECEIVER_PPB..=RECEIVER_PPB),
-            latency: match options.receiver {
-                Receivers::M8 => Latency::m8(),
-                Receivers::F9 => Latency::f9(),
-                Receivers::Harsh => Latency::harsh_m8(),
-            },
+            latency: options.receiver.latency(),
             ..ReceiverSettings::new(START_UTC_NS + power_ns.cast_signed())
         };
         let schedule = Schedule {
@@ -235,6 +233,7 @@ impl Lab {
         let mut to_ask = pings(self.schedule, begins).into_iter().peekable();
         let mut sequences = self.schedule.pings();
         let mut client = Client::new(LAPTOP, Version::V2);
+        let mut line_full = 0;
         let mut board = self.builder.power_on()?;
         while board.now().0 < ends + AFTERWARDS_NS && !ASKED_TO_END.load(Ordering::Relaxed) {
             board.run_for(SECOND.min(ends + AFTERWARDS_NS - board.now().0))?;
@@ -251,8 +250,14 @@ impl Lab {
                     conversation.heard(since_test(heard.at.0), &heard_now.what);
                 }
             }
-            // Nobody reads it, and it would grow.
-            board.take_log()?;
+            let log = board.take_log()?;
+            let statuses = log
+                .iter()
+                .filter_map(|logged| Status::parse(&logged.line.text));
+            if let Some(status) = statuses.last() {
+                // What is 0 is left out.
+                line_full = status.number("mav_outgoing_full").unwrap_or(0) as u32;
+            }
             if let Some(bar) = bar {
                 bar.inc(1);
             }
@@ -263,7 +268,11 @@ impl Lab {
         }
         let lasted_ns = since_test(board.now().0.min(ends)).max(0);
         let test_utc_ns = START_UTC_NS + self.test_ns.cast_signed();
-        let record = conversation.end(Some(&|sent_ns| test_utc_ns + sent_ns + FIRST_BYTE_NS));
+        let utc_ns = |sent_ns| test_utc_ns + sent_ns + FIRST_BYTE_NS;
+        let record = Record {
+            line_full: Some(line_full),
+            ..conversation.end(Some(&utc_ns))
+        };
         Ok(Life {
             record,
             lasted_s: (lasted_ns.cast_unsigned() / SECOND) as u32,

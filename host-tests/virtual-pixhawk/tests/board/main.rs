@@ -13,6 +13,10 @@ mod clock;
 #[cfg(test)]
 mod common;
 #[cfg(test)]
+mod log;
+#[cfg(test)]
+mod paper;
+#[cfg(test)]
 mod pulse;
 #[cfg(test)]
 mod steering;

@@ -6,7 +6,8 @@
 //! Aircraft" (2021).
 //!
 //! *Left out.* The wait between poll and read and the whole ticks of the clock:
-//! what is left is the receiver's latency and its jitter.
+//! what is left is the receiver's latency and its jitter. An image built for one of the paper's
+//! ways (`PIXCLOCK_WAY`) has them.
 
 use super::Other;
 

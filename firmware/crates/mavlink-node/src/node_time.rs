@@ -1,0 +1,62 @@
+//! The time that a node tells.
+//!
+//! *Purpose.* One moment in each unit that a message wants.
+//!
+//! *Design.* UTC once the clock is set, time since boot before, as MAVLink allows.
+//!
+//! *Limits.* UTC before 1970 is told as 0 µs.
+
+/// The node's time at one moment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NodeTime {
+    /// Time since boot, in µs.
+    pub boot_us: u64,
+    /// UTC in ns since 1970, once the clock is set.
+    pub utc_ns: Option<i64>,
+}
+
+impl NodeTime {
+    /// UTC in µs; 0 until the clock is set.
+    #[must_use]
+    pub fn utc_us(self) -> u64 {
+        per_thousand(u64::try_from(self.utc_ns.unwrap_or(0)).unwrap_or(0))
+    }
+
+    /// UTC in µs; since boot until the clock is set.
+    #[must_use]
+    pub fn rtos_us(self) -> u64 {
+        match self.utc_ns {
+            Some(_) => self.utc_us(),
+            None => self.boot_us,
+        }
+    }
+
+    /// UTC in ns; since boot until the clock is set. Never 0, which in a
+    /// TIMESYNC would mean a request.
+    #[must_use]
+    pub fn rtos_ns(self) -> i64 {
+        let since_boot = || i64::try_from(self.boot_us.saturating_mul(1_000)).unwrap_or(i64::MAX);
+        match self.utc_ns.unwrap_or_else(since_boot) {
+            0 => 1,
+            ns => ns,
+        }
+    }
+
+    /// Time since boot, in ms, modulo 2^32.
+    #[must_use]
+    pub fn boot_ms(self) -> u32 {
+        per_thousand(self.boot_us) as u32
+    }
+}
+
+/// A thousandth, rounded down: long division by digits of 16 bits, because a
+/// division of 64 bits is a library call of hundreds of instructions here.
+pub(crate) fn per_thousand(n: u64) -> u64 {
+    let (mut quotient, mut rest) = (0, 0);
+    for shift in [48, 32, 16, 0] {
+        let part = (rest << 16) | ((n >> shift) as u32 & 0xffff);
+        quotient = (quotient << 16) | u64::from(part / 1_000);
+        rest = part % 1_000;
+    }
+    quotient
+}

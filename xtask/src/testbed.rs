@@ -1,0 +1,188 @@
+//! `testbed`: the paper's experiment, on virtual boards, on QEMU or on real boards.
+//!
+//! *Purpose.* Builds what each way needs, and has it run where it was asked for.
+//!
+//! *Design.* The crate `testbed` knows the experiment. Virtual boards are a heavy tool
+//! of their own; here are the boards at the end of a line, which QEMU's are, too:
+//! [`board`] talks with one, [`test`] with all of them at once, [`emulated`] starts QEMU.
+//!
+//! *Limits.* QEMU has no input capture, hence no way with the pulse. Real boards run
+//! what they were flashed with, one way a call.
+
+mod board;
+mod emulated;
+mod test;
+
+use std::process::{Command, ExitCode};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::{Result, bail};
+use clap::error::ErrorKind;
+use clap::{Args as _, Command as Clap};
+use testbed::{Boards, Image, Keeper, Options, Place, Way, progress};
+
+use crate::image::{self, Board, Variant};
+use crate::link::{Address, Link};
+use crate::tool;
+use board::Connected;
+
+static ASKED_TO_END: AtomicBool = AtomicBool::new(false);
+
+/// Runs the experiment.
+///
+/// # Errors
+///
+/// When something cannot be built or started, or a board is not as it has to be.
+pub fn run(options: &Options, arguments: &[String]) -> Result<ExitCode> {
+    match &options.boards {
+        Boards::Virtual => on_virtual_boards(options, arguments),
+        Boards::Qemu => on_qemu(options),
+        Boards::At(addresses) => on_lines(options, addresses),
+    }
+}
+
+fn wrong_usage(message: &str) -> ! {
+    Options::augment_args(Clap::new("cargo xtask testbed"))
+        .error(ErrorKind::ValueValidation, message)
+        .exit()
+}
+
+/// What an image of the experiment is built as.
+fn variant(board: Board, image: Image) -> Variant {
+    Variant {
+        way: image.way,
+        gps_baud: image.gps_baud,
+        ..Variant::standard(board)
+    }
+}
+
+/// The images of `ways`, each once.
+fn images(ways: &[Way], boards: usize) -> Vec<Image> {
+    let mut images = Vec::new();
+    for way in ways {
+        for image in (0..boards).map(|index| way.image(index)) {
+            if !images.contains(&image) {
+                images.push(image);
+            }
+        }
+    }
+    images
+}
+
+fn on_virtual_boards(options: &Options, arguments: &[String]) -> Result<ExitCode> {
+    let mut command = Command::new(tool::build("testbed")?);
+    command.args(arguments);
+    for image in images(&options.ways(), options.crystals.ppb.len()) {
+        let path = image::build(variant(Board::Pixhawk1, image))?;
+        command
+            .arg("--image")
+            .arg(format!("{image}={}", path.display()));
+    }
+    tool::hand_over(&mut command)
+}
+
+fn on_qemu(options: &Options) -> Result<ExitCode> {
+    let mut ways = options.ways();
+    ways.retain(|way| !way.has_pulse());
+    if ways.is_empty() {
+        wrong_usage("QEMU has no input capture, so no board of it can follow a pulse");
+    }
+    emulated::check()?;
+    catch_ctrl_c()?;
+    let mut keeper = Keeper::new(options, Place::Qemu, conditions(options, "2 on QEMU"))?;
+    let each_s = u64::from(options.settle) + u64::from(options.duration);
+    let bar = progress::bar(each_s * ways.len() as u64 * options.seeds);
+    'all: for way in ways {
+        let paths = [0, 1].map(|index| image::build(variant(Board::Qemu, way.image(index))));
+        let [one, other] = paths;
+        let paths = [one?, other?];
+        for seed in options.seeds() {
+            bar.set_message(format!("{way}, seed {seed}"));
+            let run = emulated::with_boards(options, seed, &paths, |boards| {
+                let prepared = test::prepare(options, boards, &bar)?;
+                test::run(options, way, seed, prepared, &bar)
+            });
+            match run {
+                Ok(run) => keeper.keep(run),
+                Err(error) => {
+                    keeper.cut_short(&format!("{way}, seed {seed}: {error:#}"));
+                    break 'all;
+                }
+            }
+            if is_asked_to_end() {
+                keeper.cut_short("it was stopped by Ctrl-C");
+                break 'all;
+            }
+        }
+    }
+    bar.finish_and_clear();
+    keeper.end(options, is_asked_to_end())
+}
+
+fn on_lines(options: &Options, addresses: &[String]) -> Result<ExitCode> {
+    let asked = options.asked_ways();
+    if asked.len() > 1 {
+        wrong_usage(
+            "real boards run one way, the one that they were flashed with: name one --way, or none",
+        );
+    }
+    let addresses = addresses
+        .iter()
+        .map(|text| {
+            text.parse::<Address>()
+                .unwrap_or_else(|wrong| wrong_usage(&wrong))
+        })
+        .collect::<Vec<_>>();
+    catch_ctrl_c()?;
+    let boards = addresses
+        .iter()
+        .map(|address| Ok(Connected::new(address.to_string(), Link::open(address)?)))
+        .collect::<Result<Vec<_>>>()?;
+    let bar = progress::bar(u64::from(options.settle) + u64::from(options.duration));
+    bar.set_message("waiting for the clocks");
+    let prepared = test::prepare(options, boards, &bar)?;
+    test::check_systems(&prepared)?;
+    let way = test::way_of(&prepared)?;
+    if let Some(wanted) = asked.first().filter(|wanted| **wanted != way) {
+        bail!(
+            "these boards run {way}, not {wanted}: flash them with what docs/hardware.md says \
+             for it, or ask for --way {way}"
+        );
+    }
+    let what = format!("{} real ones, running {way}", prepared.len());
+    let mut keeper = Keeper::new(options, Place::Lines, conditions(options, &what))?;
+    bar.set_message(way.to_string());
+    let seed = options.seed;
+    keeper.keep(test::run(options, way, seed, prepared, &bar)?);
+    if is_asked_to_end() {
+        keeper.cut_short("it was stopped by Ctrl-C");
+    }
+    bar.finish_and_clear();
+    keeper.end(options, is_asked_to_end())
+}
+
+fn conditions(options: &Options, boards: &str) -> Vec<(&'static str, String)> {
+    let mut conditions = vec![("boards", boards.to_owned())];
+    if options.boards == Boards::Qemu {
+        conditions.push(("receivers", options.receiver.title().to_owned()));
+    }
+    conditions.push((
+        "test",
+        format!(
+            "{} s, {} PINGs a second, the first one when every board had been up for {} s and \
+             its clock was set",
+            options.duration, options.rate, options.settle
+        ),
+    ));
+    conditions
+}
+
+fn catch_ctrl_c() -> Result<()> {
+    Ok(ctrlc::set_handler(|| {
+        ASKED_TO_END.store(true, Ordering::Relaxed);
+    })?)
+}
+
+fn is_asked_to_end() -> bool {
+    ASKED_TO_END.load(Ordering::Relaxed)
+}

@@ -1,0 +1,334 @@
+//! A test on boards at the end of a line.
+//!
+//! *Purpose.* All boards are made ready, asked at the same moments, and heard.
+//!
+//! *Design.* Each board has two threads: one sends each PING at its moment and notes
+//! when it really left, the other notes when an answer came. So a slow answer delays no
+//! question, and no board another. The test ends early when fewer than two boards are
+//! left.
+//!
+//! *Limits.* Moments are this host's, with its scheduling: how late each PING left and
+//! how long each answer took is measured and told. A serial line's own way (an adapter
+//! that collects bytes for a millisecond) is in the round trip.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use anyhow::{Result, bail};
+use indicatif::ProgressBar;
+use mavlink_node::client::Client;
+use mavlink_node::{Test, Version};
+use testbed::{Conversation, Options, Record, Run, Schedule, Way, set_aside_late};
+use timebase::{Stamp, StampedByte};
+
+use super::board::{Connected, HERE, Identity};
+use super::is_asked_to_end;
+use crate::link::Link;
+
+/// From the last word to the boards to the first PING.
+const LEAD: Duration = Duration::from_millis(300);
+/// How long answers are waited for after the last PING.
+const AFTERWARDS: Duration = Duration::from_secs(1);
+/// How much longer than the settling time a clock may take to be set.
+const GRACE: Duration = Duration::from_secs(5);
+/// How often the bar and the boards are looked at.
+const LOOK: Duration = Duration::from_millis(100);
+/// The longest sleep before a PING: Ctrl-C is obeyed in between.
+const NAP: Duration = Duration::from_millis(200);
+
+/// A board that is ready for a test.
+pub struct Ready {
+    board: Connected,
+    identity: Identity,
+}
+
+/// Learns who the boards are, and waits until each has been up for the settling time
+/// and has its clock set.
+///
+/// # Errors
+///
+/// When one does not answer, or its clock is never set.
+pub fn prepare(options: &Options, boards: Vec<Connected>, bar: &ProgressBar) -> Result<Vec<Ready>> {
+    let settle = Duration::from_secs(options.settle.into());
+    let began = Instant::now();
+    let at_start = bar.position();
+    thread::scope(|scope| {
+        let waiting: Vec<_> = boards
+            .into_iter()
+            .map(|board| scope.spawn(move || get_ready(board, settle, began)))
+            .collect();
+        while waiting.iter().any(|board| !board.is_finished()) {
+            thread::sleep(LOOK);
+            bar.set_position(at_start + began.elapsed().as_secs().min(settle.as_secs()));
+        }
+        bar.set_position(at_start + settle.as_secs());
+        let ready = waiting.into_iter().map(|board| {
+            let ready = board.join();
+            ready.unwrap_or_else(|_| bail!("a board's thread panicked"))
+        });
+        ready.collect()
+    })
+}
+
+fn get_ready(mut board: Connected, settle: Duration, began: Instant) -> Result<Ready> {
+    // Whether it answers at all is said at once.
+    board.identify()?;
+    loop {
+        let clock = board.clock();
+        if clock.is_some_and(|clock| clock.is_set && clock.up >= settle) {
+            // What steers it may have changed while it settled.
+            let identity = board.identify()?;
+            return Ok(Ready { board, identity });
+        }
+        if is_asked_to_end() {
+            bail!("stopped by Ctrl-C before the test had begun");
+        }
+        if began.elapsed() > settle + GRACE {
+            bail!(
+                "the clock of {} was not set within {} s: give its receiver a view of the sky, look \
+                 whether it is plugged in, or wait longer with --settle",
+                board.name,
+                settle.as_secs()
+            );
+        }
+        board.listen()?;
+    }
+}
+
+/// Checks that no two boards are the same system.
+///
+/// # Errors
+///
+/// Names two that are.
+pub fn check_systems(ready: &[Ready]) -> Result<()> {
+    for (number, one) in ready.iter().enumerate() {
+        let system = one.identity.address.system;
+        let other = ready.iter().skip(number + 1);
+        if let Some(other) = other
+            .clone()
+            .find(|other| other.identity.address.system == system)
+        {
+            bail!(
+                "{} and {} are both system {system}: if they are two boards, build one of them \
+                 with PIXCLOCK_SYSTEM_ID={}",
+                one.board.name,
+                other.board.name,
+                system % 254 + 1
+            );
+        }
+    }
+    Ok(())
+}
+
+/// The way that all boards together run.
+///
+/// # Errors
+///
+/// Names a board that does not fit the others, with what it runs.
+pub fn way_of(ready: &[Ready]) -> Result<Way> {
+    let runs = |ready: &Ready, way: Way, index: usize| {
+        let image = way.image(index);
+        let is = &ready.identity;
+        is.way == image.way.name()
+            && is.tick_us == image.way.tick_us()
+            && is.gps_baud == image.gps_baud
+            && is.follows_pulse == way.has_pulse()
+    };
+    let all_run = |way: &Way| {
+        let mut boards = ready.iter().enumerate();
+        boards.all(|(index, board)| runs(board, *way, index))
+    };
+    if let Some(way) = Way::ALL.into_iter().find(all_run) {
+        return Ok(way);
+    }
+    let told: Vec<String> = ready
+        .iter()
+        .map(|ready| {
+            let is = &ready.identity;
+            let pulse = if is.follows_pulse {
+                " and the pulse"
+            } else {
+                ""
+            };
+            let (name, way, tick_us, baud) = (&ready.board.name, is.way, is.tick_us, is.gps_baud);
+            format!(
+                "{name} runs {way} with a tick of {tick_us} µs, its receiver at {baud} Bd{pulse}"
+            )
+        })
+        .collect();
+    bail!(
+        "the boards do not run one way of the experiment: {}; flash them alike (for \
+         paper-default-mixed, every board but the first at 38400)",
+        told.join("; ")
+    )
+}
+
+/// One test.
+///
+/// # Errors
+///
+/// When a board cannot be told that it begins, its line being gone.
+pub fn run(
+    options: &Options,
+    way: Way,
+    seed: u64,
+    ready: Vec<Ready>,
+    bar: &ProgressBar,
+) -> Result<Run> {
+    let schedule = Schedule {
+        rate_hz: options.rate,
+        duration_s: options.duration,
+        seed,
+    };
+    let mut ready = ready;
+    for Ready { board, identity } in &mut ready {
+        if !board.tell(identity.address, Test::Begins)? {
+            eprintln!(
+                "{} did not confirm that a test begins: its own log has no part of it",
+                board.name
+            );
+        }
+    }
+    let lines = ready
+        .iter()
+        .map(|ready| Ok((ready.board.line()?, ready.board.line()?)))
+        .collect::<Result<Vec<(Link, Link)>>>()?;
+    let conversations: Vec<_> = ready
+        .iter()
+        .map(|ready| Mutex::new(Conversation::new(&ready.board.name)))
+        .collect();
+    let is_over = AtomicBool::new(false);
+    let began = Instant::now() + LEAD;
+    let at_start = bar.position();
+    thread::scope(|scope| {
+        for ((asking, hearing), conversation) in lines.into_iter().zip(&conversations) {
+            let is_over = &is_over;
+            scope.spawn(move || ask(schedule, asking, conversation, began, is_over));
+            scope.spawn(move || hear(hearing, conversation, began, is_over));
+        }
+        watch(schedule, &conversations, began, &|passed_s| {
+            bar.set_position(at_start + passed_s);
+        });
+        is_over.store(true, Ordering::Relaxed);
+    });
+    let lasted_s = began.elapsed().as_secs().min(schedule.duration_s.into()) as u32;
+    for Ready { board, identity } in &mut ready {
+        // A board that is gone has been noted as such.
+        if !board.tell(identity.address, Test::Ends).unwrap_or(false) {
+            eprintln!(
+                "{} did not confirm that the test has ended: its own log may go on",
+                board.name
+            );
+        }
+    }
+    let records = conversations.into_iter().map(|conversation| {
+        let conversation = conversation.into_inner();
+        conversation
+            .unwrap_or_else(std::sync::PoisonError::into_inner)
+            .end(None)
+    });
+    let mut records: Vec<Record> = records.collect();
+    let late_ns = records
+        .iter_mut()
+        .map(|record| set_aside_late(record).unwrap_or(0));
+    let late_ns = late_ns.collect();
+    Ok(Run {
+        way,
+        seed,
+        lasted_s,
+        records,
+        late_ns,
+    })
+}
+
+/// Until the test is over, by its time, by Ctrl-C or for lack of boards.
+fn watch(
+    schedule: Schedule,
+    conversations: &[Mutex<Conversation>],
+    began: Instant,
+    show: &dyn Fn(u64),
+) {
+    let duration = Duration::from_secs(schedule.duration_s.into());
+    let ends = began + duration + AFTERWARDS;
+    while Instant::now() < ends && !is_asked_to_end() {
+        thread::sleep(LOOK);
+        let now_ns = since(began);
+        show(began.elapsed().min(duration).as_secs());
+        let left = conversations.iter().filter(|conversation| {
+            let conversation = conversation.lock();
+            conversation.is_ok_and(|mut conversation| !conversation.is_over(now_ns))
+        });
+        if left.count() < 2 {
+            return;
+        }
+    }
+}
+
+/// Sends each PING at its moment.
+fn ask(
+    schedule: Schedule,
+    mut link: Link,
+    conversation: &Mutex<Conversation>,
+    began: Instant,
+    is_over: &AtomicBool,
+) {
+    let mut client = Client::new(HERE, Version::V2);
+    for (sequence, at) in schedule.pings() {
+        let due = began + Duration::from_nanos(at);
+        while let Some(left) = due
+            .checked_duration_since(Instant::now())
+            .filter(|d| !d.is_zero())
+        {
+            if is_over.load(Ordering::Relaxed) {
+                return;
+            }
+            thread::sleep(left.min(NAP));
+        }
+        let ping = client.ping(at / 1_000, sequence);
+        // Noted before it leaves, so that no answer comes to nothing.
+        let sent_ns = since(began);
+        let delay_ns = sent_ns - at.cast_signed();
+        if let Ok(mut conversation) = conversation.lock() {
+            conversation.asked(sequence, sent_ns, Some(delay_ns));
+        }
+        if link.send(&ping).is_err() {
+            if let Ok(mut conversation) = conversation.lock() {
+                conversation.line_is_gone(since(began));
+            }
+            return;
+        }
+    }
+}
+
+/// Notes what the board says.
+fn hear(mut link: Link, conversation: &Mutex<Conversation>, began: Instant, is_over: &AtomicBool) {
+    let mut client = Client::new(HERE, Version::V2);
+    let mut buffer = [0; 1_024];
+    while !is_over.load(Ordering::Relaxed) {
+        let received = link.receive(&mut buffer);
+        let now_ns = since(began);
+        let Ok(mut conversation) = conversation.lock() else {
+            return;
+        };
+        let Ok(bytes) = received else {
+            conversation.line_is_gone(now_ns);
+            return;
+        };
+        let stamp = Stamp(0);
+        for &byte in bytes {
+            if let Some(heard) = client.receive(StampedByte { stamp, byte }) {
+                conversation.heard(now_ns, &heard.what);
+            }
+        }
+    }
+}
+
+/// From `began` to now, in ns; negative before it.
+fn since(began: Instant) -> i64 {
+    let now = Instant::now();
+    let after = now.saturating_duration_since(began).as_nanos() as i64;
+    let before = began.saturating_duration_since(now).as_nanos() as i64;
+    after - before
+}

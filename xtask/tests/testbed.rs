@@ -1,0 +1,287 @@
+//! `cargo xtask testbed` as a person calls it, with boards at the end of a line: that it
+//! measures what is there, and what it says and keeps when something goes wrong.
+
+use std::net::TcpListener;
+use std::path::Path;
+use std::process::{Command, Output};
+use std::thread;
+use std::time::Duration;
+
+use host_tests::mavlink_server::{Behaviour, Clock, Mishap, serve};
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// What the second board is ahead of the first, in ns: more than this host's noise.
+const AHEAD_NS: i64 = 20_000_000;
+
+/// Two good boards.
+fn behaviours() -> [Behaviour; 2] {
+    [(1, 0), (2, AHEAD_NS)].map(|(system_id, ahead_ns)| Behaviour {
+        system_id,
+        ..Behaviour::from(Clock::HostPlus(ahead_ns))
+    })
+}
+
+/// Boards that live as long as the test; their addresses.
+fn boards(behaviours: &[Behaviour]) -> Vec<String> {
+    let start = |&behaviour: &Behaviour| {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let address = listener.local_addr().expect("its address");
+        thread::spawn(move || serve(&listener, behaviour));
+        format!("tcp:{address}")
+    };
+    behaviours.iter().map(start).collect()
+}
+
+/// Runs a test of `seconds` at `addresses`, its results in `out`.
+fn testbed(addresses: &[String], seconds: u32, out: &Path, more: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_xtask"))
+        .args(["testbed", "--boards", &addresses.join(",")])
+        .args(["--settle", "1", "--rate", "50", "--json"])
+        .args(["--duration", &seconds.to_string()])
+        .arg("--out")
+        .arg(out)
+        .args(more)
+        // Where results go that have no place.
+        .env("TMPDIR", out.with_file_name("elsewhere"))
+        .output()
+        .expect("xtask runs")
+}
+
+fn folder() -> (TempDir, std::path::PathBuf) {
+    let folder = TempDir::new().expect("a folder");
+    std::fs::create_dir(folder.path().join("elsewhere")).expect("a folder");
+    let out = folder.path().join("results");
+    (folder, out)
+}
+
+fn told(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn summary(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", told(output)))
+}
+
+/// Good samples of board `index`.
+fn used(summary: &Value, index: usize) -> u64 {
+    let used = &summary["ways"][0]["runs"][0]["boards"][index]["used"];
+    used.as_u64().expect("a count")
+}
+
+fn lines(file: &Path) -> usize {
+    let text = std::fs::read_to_string(file).unwrap_or_else(|error| panic!("{file:?}: {error}"));
+    text.lines().count()
+}
+
+#[test]
+fn it_measures_what_two_boards_are_apart_and_its_own_noise() {
+    let (_kept, out) = folder();
+    let output = testbed(&boards(&behaviours()), 4, &out, &["--way", "pixclock"]);
+    assert_eq!(output.status.code(), Some(0), "{}", told(&output));
+    let summary = summary(&output);
+    let way = &summary["ways"][0];
+    assert_eq!(way["way"], "pixclock");
+    let median = way["difference"]["p50_ns"].as_i64().expect("a size");
+    assert!((median - AHEAD_NS).abs() < AHEAD_NS / 4, "{median}");
+    for board in way["runs"][0]["boards"].as_array().expect("boards") {
+        assert_eq!(board["asked"], 200);
+        assert_eq!(board["answered"], 200);
+        assert!(board["round_trip"]["p50_ns"].as_u64() > Some(0));
+        assert!(board["send_delay"]["max_ns"].as_u64() > Some(0));
+    }
+    let folder = out.join("pixclock").join("seed-1");
+    assert_eq!(lines(&folder.join("samples-1.csv")), 201);
+    assert_eq!(lines(&folder.join("samples-2.csv")), 201);
+    let pairs = way["difference"]["count"].as_u64().expect("a count");
+    assert_eq!(lines(&folder.join("difference.csv")) as u64, pairs + 1);
+    let report = std::fs::read_to_string(out.join("report.html")).expect("a report");
+    assert!(report.contains("This host’s own noise") && report.contains("<svg"));
+}
+
+#[test]
+fn a_board_that_reboots_is_told_and_what_it_said_before_is_kept() {
+    let (_kept, out) = folder();
+    let mut behaviours = behaviours();
+    behaviours[1].mishap = Some((Duration::from_secs(3), Mishap::Reboots));
+    let output = testbed(&boards(&behaviours), 30, &out, &[]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        told(&output).contains("it rebooted 2."),
+        "{}",
+        told(&output)
+    );
+    let summary = summary(&output);
+    // Until then 50 a second, and no sample from after.
+    assert!((100..=150).contains(&used(&summary, 1)), "{summary:#}");
+    assert!(summary["ways"][0]["runs"][0]["lasted_s"].as_u64() < Some(10));
+}
+
+#[test]
+fn a_board_without_its_receiver_is_told_and_what_it_said_before_is_kept() {
+    let (_kept, out) = folder();
+    let mut behaviours = behaviours();
+    behaviours[0].mishap = Some((Duration::from_secs(6), Mishap::LosesReceiver));
+    let output = testbed(&boards(&behaviours), 9, &out, &[]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        told(&output).contains("it lost its receiver"),
+        "{}",
+        told(&output)
+    );
+    let summary = summary(&output);
+    assert!((100..=250).contains(&used(&summary, 0)), "{summary:#}");
+    assert!(used(&summary, 1) > 350);
+}
+
+#[test]
+fn a_board_that_falls_silent_is_told_and_what_it_said_before_is_kept() {
+    let (_kept, out) = folder();
+    let mut behaviours = behaviours();
+    behaviours[1].mishap = Some((Duration::from_secs(2), Mishap::FallsSilent));
+    let output = testbed(&boards(&behaviours), 30, &out, &[]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        told(&output).contains("it fell silent"),
+        "{}",
+        told(&output)
+    );
+    let summary = summary(&output);
+    assert!((50..=100).contains(&used(&summary, 1)), "{summary:#}");
+    assert!(summary["ways"][0]["runs"][0]["lasted_s"].as_u64() < Some(15));
+}
+
+#[test]
+fn boards_that_cannot_be_tested_together_are_refused_in_a_sentence() {
+    let (_kept, out) = folder();
+    let [good, other] = behaviours();
+    let unset = Behaviour {
+        clock: Clock::Unset,
+        ..other
+    };
+    let twin = Behaviour {
+        system_id: 1,
+        ..other
+    };
+    let step2 = Behaviour {
+        parameters: [3.0, 200.0, 115_200.0, 1.0, 0.0, 0.0],
+        ..other
+    };
+    for (behaviour, sentence) in [
+        (unset, "was not set within 1 s"),
+        (twin, "are both system 1"),
+        (step2, "runs paper-step2 with a tick of 200 µs"),
+    ] {
+        let output = testbed(&boards(&[good, behaviour]), 1, &out, &[]);
+        assert_eq!(output.status.code(), Some(1));
+        let told = told(&output);
+        assert!(told.contains(sentence), "{told}");
+        assert_eq!(told.lines().count(), 1, "{told}");
+    }
+    let output = testbed(&boards(&behaviours()), 1, &out, &["--way", "paper-step1"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(told(&output).contains("these boards run pixclock, not paper-step1"));
+}
+
+#[test]
+fn nobody_at_an_address_is_said() {
+    let (_kept, out) = folder();
+    let deaf = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let mut addresses = boards(&behaviours()[..1]);
+    addresses.push(format!("tcp:{}", deaf.local_addr().expect("its address")));
+    let output = testbed(&addresses, 1, &out, &[]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        told(&output).contains("no board answers at tcp:127"),
+        "{}",
+        told(&output)
+    );
+    addresses[1] = "serial:/dev/there-is-none".to_owned();
+    let output = testbed(&addresses, 1, &out, &[]);
+    assert!(
+        told(&output).contains("there is no /dev/there-is-none"),
+        "{}",
+        told(&output)
+    );
+    let output = testbed(&["tcp:here".to_owned(), addresses[0].clone()], 1, &out, &[]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        told(&output).contains("allowed: tcp:HOST:PORT"),
+        "{}",
+        told(&output)
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn a_port_that_somebody_else_holds_is_said() {
+    use serialport::SerialPort as _;
+
+    let (_kept, out) = folder();
+    let (_far_end, near_end) = serialport::TTYPort::pair().expect("a terminal");
+    let device = near_end.name().expect("its name");
+    drop(near_end);
+    let _held = serialport::new(&device, 115_200)
+        .open()
+        .expect("the first one");
+    let mut addresses = boards(&behaviours()[..1]);
+    addresses.push(format!("serial:{device}"));
+    let output = testbed(&addresses, 1, &out, &[]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        told(&output).contains("if another program holds it"),
+        "{}",
+        told(&output)
+    );
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_costs_no_sample() {
+    let (kept, out) = folder();
+    let folder = out.join("pixclock").join("seed-1");
+    std::fs::create_dir_all(&folder).expect("a folder");
+    // Takes no byte, as a full disk does.
+    std::os::unix::fs::symlink("/dev/full", folder.join("samples-1.csv")).expect("a link");
+    let output = testbed(&boards(&behaviours()), 2, &out, &[]);
+    assert_eq!(output.status.code(), Some(1));
+    let told = told(&output);
+    assert!(
+        told.contains("cannot write") && told.contains("samples-1.csv"),
+        "{told}"
+    );
+    assert!(told.contains("everything was written to"), "{told}");
+    assert_eq!(lines(&folder.join("samples-2.csv")), 101);
+    let elsewhere = std::fs::read_dir(kept.path().join("elsewhere")).expect("a folder");
+    let rescued = elsewhere.flatten().next().expect("a folder").path();
+    assert_eq!(lines(&rescued.join("pixclock/seed-1/samples-1.csv")), 101);
+    assert!(rescued.join("report.html").exists());
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_keeps_what_was_measured() {
+    let (_kept, out) = folder();
+    let addresses = boards(&behaviours()).join(",");
+    let child = Command::new(env!("CARGO_BIN_EXE_xtask"))
+        .args(["testbed", "--boards", &addresses, "--settle", "1"])
+        .arg("--out")
+        .arg(&out)
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .expect("xtask runs");
+    thread::sleep(Duration::from_secs(5));
+    let interrupt = Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(interrupt.expect("kill runs").success());
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(0), "{}", told(&output));
+    assert!(
+        told(&output).contains("stopped by Ctrl-C"),
+        "{}",
+        told(&output)
+    );
+    assert!(lines(&out.join("pixclock").join("seed-1").join("samples-1.csv")) > 10);
+}

@@ -288,6 +288,7 @@ fn writing_a_full_log_does_not_disturb_the_clock() {
     let Some(firmware) = image() else { return };
     let blank = fat_image::formatted(Kind::Fat16);
     let without = traces(&firmware, None);
+    let mut kept_all = Vec::new();
     let damaged = Card::holding(&blank)
         .fault(Transfer::Read, 1, Fault::Damaged)
         .fault(Transfer::Read, 5, Fault::AnswerDamaged)
@@ -313,8 +314,11 @@ fn writing_a_full_log_does_not_disturb_the_clock() {
             apart(&with.readings, &without.readings),
         );
         println!("PINGs at most {stamps_us} µs, the clock at most {readings_ns} ns apart");
-        assert!(stamps_us <= 1 && readings_ns <= 1_000);
-        assert!(with.last_status.contains(" lost_ticks=0"));
+        // A PING that meets the line that the card has in the log is stamped behind it.
+        let pairs = with.answers.iter().zip(&without.answers);
+        let late = pairs.filter(|(a, b)| a.1.abs_diff(b.1) > 1).count();
+        assert!(late <= 1 && stamps_us <= 10, "{late} PINGs");
+        assert!(readings_ns <= 100);
         for counter in ["overrun", "incoming_full", "outgoing_full", "crc_failures"] {
             assert!(!with.last_status.contains(counter), "{}", with.last_status);
         }
@@ -328,5 +332,7 @@ fn writing_a_full_log_does_not_disturb_the_clock() {
             &fat_image::files(&image)[FIRST_FILE].contents,
             &with.answers[..FULL as usize],
         );
+        kept_all.push(with.last_status.contains(" lost_ticks=0"));
     }
+    assert_eq!(kept_all, [true; 2], "no tick is lost in either run");
 }

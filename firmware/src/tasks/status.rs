@@ -3,6 +3,9 @@
 //! *Design.* Pairs of `key=value` after the word `status`, so that people and
 //! programs read the same line. What stays 0 for most of a board's life is left
 //! out while it is 0.
+//!
+//! *Limits.* A line is one frame of the log, and that masks interrupts for as long as it is
+//! written: each byte of it counts, and all of it has to be shorter than the shortest tick.
 
 use defmt::{Format, Formatter};
 use embassy_time::{Duration, Ticker};
@@ -10,7 +13,7 @@ use utc_clock::{ClockState, Reading, Source, calendar};
 
 use crate::drivers::card::CardErrors;
 use crate::drivers::time;
-use crate::settings::WAY_NAME;
+use crate::settings::{WAY, Way};
 use crate::shared::{self, CARD, GNSS, GnssReport, MAVLINK, MavlinkReport};
 
 /// Runs for ever, on the patient executor.
@@ -29,8 +32,8 @@ fn log() {
     let mavlink = MAVLINK.get();
     let clock = gnss.map(|report| report.clock).unwrap_or_default();
     defmt::info!(
-        "status way={=str} state={} source={} utc={} unc_ns={=u32} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}{}",
-        WAY_NAME,
+        "status way={} state={} source={} utc={} unc_ns={=u32} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}{}",
+        How,
         State(reading.state),
         From(gnss.map(|report| report.source).unwrap_or_default()),
         Utc(reading),
@@ -52,15 +55,29 @@ fn log() {
 macro_rules! nonzero {
     ($f:ident, $counters:expr, $prefix:literal: $($field:ident),+) => {
         let counters = $counters;
-        $(count($f, $prefix, stringify!($field), counters.$field);)+
+        $(count($f, concat!($prefix, stringify!($field)), counters.$field);)+
     };
 }
 
 /// Writes ` name=count` if it has counted something. Not inlined: there are dozens.
 #[inline(never)]
-fn count(f: Formatter, prefix: &str, name: &str, count: u32) {
+fn count(f: Formatter, name: &str, count: u32) {
     if count != 0 {
-        defmt::write!(f, " {=str}{=str}={=u32}", prefix, name, count);
+        defmt::write!(f, " {=str}={=u32}", name, count);
+    }
+}
+
+/// The way in which the clock is kept, by the name that the build setting has for it.
+struct How;
+
+impl Format for How {
+    fn format(&self, f: Formatter) {
+        match WAY {
+            Way::Pixclock => defmt::write!(f, "pixclock"),
+            Way::PaperDefault => defmt::write!(f, "paper-default"),
+            Way::PaperStep1 => defmt::write!(f, "paper-step1"),
+            Way::PaperStep2 => defmt::write!(f, "paper-step2"),
+        }
     }
 }
 

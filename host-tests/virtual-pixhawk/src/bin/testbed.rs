@@ -251,10 +251,10 @@ impl Lab {
                 }
             }
             let log = board.take_log()?;
-            let statuses = log
+            let mut statuses = log
                 .iter()
                 .filter_map(|logged| Status::parse(&logged.line.text));
-            if let Some(status) = statuses.last() {
+            if let Some(status) = statuses.next_back() {
                 // What is 0 is left out.
                 line_full = status.number("mav_outgoing_full").unwrap_or(0) as u32;
             }

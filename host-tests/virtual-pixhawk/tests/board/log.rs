@@ -64,8 +64,8 @@ fn board(firmware: Firmware, heard: Vec<Transmission>) -> Pixhawk {
 /// What the board has said since the last call, and in between its last status line.
 fn heard(board: &mut Pixhawk) -> (Vec<HeardByte>, Status) {
     let log = board.take_log().unwrap();
-    let statuses = log.iter().filter_map(|l| Status::parse(&l.line.text));
-    let status = statuses.last().expect("a status each second");
+    let mut statuses = log.iter().filter_map(|l| Status::parse(&l.line.text));
+    let status = statuses.next_back().expect("a status each second");
     (board.take_heard(Connector::Telem1).unwrap(), status)
 }
 
@@ -130,13 +130,12 @@ fn assert_is_what_was_told(file: &[u8], answers: &[(u32, u64)]) {
 /// The last value of a parameter that was told.
 fn parameter(heard: &[HeardByte], wanted: Parameter) -> Option<f32> {
     let what = said(heard).into_iter().map(|(_, what)| what);
-    what.filter_map(|what| match what {
+    what.rev().find_map(|what| match what {
         What::Parameter { name, value, .. } if Parameter::named(name) == Some(wanted) => {
             Some(value)
         }
         _ => None,
     })
-    .last()
 }
 
 /// The texts that were told.

@@ -4,7 +4,7 @@
 //!
 //! *Design.* The crate `testbed` knows the experiment. Virtual boards are a heavy tool
 //! of their own; here are the boards at the end of a line, which QEMU's are, too:
-//! [`board`] talks with one, [`test`] with all of them at once, [`emulated`] starts QEMU.
+//! [`board`] talks with one, [`test`](mod@test) with all of them at once, [`emulated`] starts QEMU.
 //!
 //! *Limits.* QEMU has no input capture, hence no way with the pulse. Real boards run
 //! what they were flashed with, one way a call.

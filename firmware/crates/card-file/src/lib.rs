@@ -3,7 +3,7 @@
 //! *Purpose.* [`save`] writes `TESTnnnn.CSV`, with the next free number: nothing is ever written over.
 //! What comes of it is a number or a small reason.
 //!
-//! *Design.* [`volume`] looks before anything is written; [`medium`] guards what is; the file system is
+//! *Design.* `volume` looks before anything is written; `medium` guards what is; the file system is
 //! `embedded-sdmmc`'s. The card is a [`Disk`], so that all of this is compiled once, for size, and
 //! tried on a host against images that are damaged and cards that fail at any block.
 //!

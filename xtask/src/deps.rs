@@ -11,12 +11,13 @@ use crate::image;
 
 /// Our packages and what each may depend on. The logic crates are listed with
 /// their outside crates too: no HAL, no embassy, no executor may get in.
-const ALLOWED: [(&str, &[&str]); 5] = [
+const ALLOWED: [(&str, &[&str]); 6] = [
     ("timebase", &[]),
     ("utc-clock", &["timebase", "libm"]),
     ("ubx-link", &["timebase", "ublox"]),
     ("mavlink-node", &["timebase", "mavlink"]),
     ("sample-log", &[]),
+    ("card-file", &["timebase", "embedded-sdmmc"]),
 ];
 
 /// Packages that nobody may depend on: what runs is never a library.

@@ -17,7 +17,7 @@ const ALLOWED: [(&str, &[&str]); 6] = [
     ("ubx-link", &["timebase", "ublox"]),
     ("mavlink-node", &["timebase", "mavlink"]),
     ("sample-log", &[]),
-    ("card-file", &["timebase", "embedded-sdmmc"]),
+    ("card-file", &["timebase", "embedded-sdmmc", "heapless"]),
 ];
 
 /// Packages that nobody may depend on: what runs is never a library.

@@ -207,8 +207,10 @@ impl Round {
     fn ask(&mut self, seq: u32, timeout: Duration) -> Result<Option<Answer>> {
         // What has come before is no answer to this.
         while !self.listen()?.is_empty() && !self.stopped() {}
-        let host = SystemTime::now().duration_since(UNIX_EPOCH)?;
+        // In this order: a pause between the two lengthens the round trip, half of which is
+        // what the request's arrival is known to.
         let sent = Instant::now();
+        let host = SystemTime::now().duration_since(UNIX_EPOCH)?;
         let request = self.client.ping(host.as_micros() as u64, seq);
         self.link.send(&request)?;
         while sent.elapsed() < timeout && !self.stopped() {

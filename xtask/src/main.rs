@@ -40,7 +40,7 @@ struct CommandLine {
 #[derive(clap::Subcommand)]
 enum Verb {
     /// The main job: a virtual Pixhawk with its receiver, in real time
-    Sim(console::Options),
+    Sim(console::SimOptions),
     /// The same on QEMU, the second opinion
     Qemu(qemu::QemuOptions),
     /// Count the tick's interrupts on QEMU, at all four settings

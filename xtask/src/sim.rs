@@ -3,7 +3,7 @@
 use std::process::{Command, ExitCode};
 
 use anyhow::Result;
-use console::Options;
+use console::SimOptions;
 
 use crate::image::{self, Board, Variant};
 use crate::tool;
@@ -13,12 +13,12 @@ use crate::tool;
 /// # Errors
 ///
 /// When one of them cannot be built.
-pub fn run(options: &Options, arguments: &[String]) -> Result<ExitCode> {
+pub fn run(options: &SimOptions, arguments: &[String]) -> Result<ExitCode> {
     let mut command = Command::new(tool::build("sim")?);
     command.args(arguments);
-    if options.image.is_none() {
+    if options.run.image.is_none() {
         let image = image::build(Variant {
-            way: options.way(),
+            way: options.run.way(),
             ..Variant::standard(Board::Pixhawk1)
         })?;
         command.arg("--image").arg(image);

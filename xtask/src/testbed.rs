@@ -34,6 +34,9 @@ static ASKED_TO_END: AtomicBool = AtomicBool::new(false);
 ///
 /// When something cannot be built or started, or a board is not as it has to be.
 pub fn run(options: &Options, arguments: &[String]) -> Result<ExitCode> {
+    if options.one_line && !matches!(options.boards, Boards::At(_)) {
+        wrong_usage("--one-line tells how real boards are wired: name them with --boards");
+    }
     match &options.boards {
         Boards::Virtual => on_virtual_boards(options, arguments),
         Boards::Qemu => on_qemu(options),
@@ -134,10 +137,9 @@ fn on_lines(options: &Options, addresses: &[String]) -> Result<ExitCode> {
         })
         .collect::<Vec<_>>();
     catch_ctrl_c()?;
-    let boards = addresses
-        .iter()
-        .map(|address| Ok(Connected::new(address.to_string(), Link::open(address)?)))
-        .collect::<Result<Vec<_>>>()?;
+    let what = format!("{} real ones", addresses.len());
+    let mut keeper = Keeper::new(options, Place::Lines, conditions(options, &what))?;
+    let boards = connect(options, &addresses)?;
     let bar = progress::bar(u64::from(options.settle) + u64::from(options.duration));
     bar.set_message("waiting for the clocks");
     let prepared = test::prepare(options, boards, &bar)?;
@@ -149,8 +151,6 @@ fn on_lines(options: &Options, addresses: &[String]) -> Result<ExitCode> {
              for it, or ask for --way {way}"
         );
     }
-    let what = format!("{} real ones, running {way}", prepared.len());
-    let mut keeper = Keeper::new(options, Place::Lines, conditions(options, &what))?;
     bar.set_message(way.to_string());
     let seed = options.seed;
     keeper.keep(test::run(options, way, seed, prepared, &bar)?);
@@ -161,10 +161,28 @@ fn on_lines(options: &Options, addresses: &[String]) -> Result<ExitCode> {
     keeper.end(options, is_asked_to_end())
 }
 
+/// Opens the lines to the boards.
+fn connect(options: &Options, addresses: &[Address]) -> Result<Vec<Connected>> {
+    let mut boards: Vec<Connected> = Vec::new();
+    for address in addresses {
+        let (name, line) = (address.to_string(), Link::open(address)?);
+        let board = match boards.first() {
+            Some(first) if options.one_line => Connected::asked_over(first.asking()?, name, line),
+            _ => Connected::new(name, line)?,
+        };
+        boards.push(board);
+    }
+    Ok(boards)
+}
+
 fn conditions(options: &Options, boards: &str) -> Vec<(&'static str, String)> {
     let mut conditions = vec![("boards", boards.to_owned())];
     if options.boards == Boards::Qemu {
         conditions.push(("receivers", options.receiver.title().to_owned()));
+    }
+    if options.one_line {
+        let all_hear = "every board hears the first one's line".to_owned();
+        conditions.push(("wiring", all_hear));
     }
     conditions.push((
         "test",

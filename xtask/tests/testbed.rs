@@ -1,9 +1,12 @@
 //! `cargo xtask testbed` as a person calls it, with boards at the end of a line: that it
 //! measures what is there, and what it says and keeps when something goes wrong.
 
-use std::net::TcpListener;
+use std::io::{Read as _, Write as _};
+use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::{Command, Output};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::Duration;
 
@@ -87,16 +90,97 @@ fn it_measures_what_two_boards_are_apart_and_its_own_noise() {
     for board in way["runs"][0]["boards"].as_array().expect("boards") {
         assert_eq!(board["asked"], 200);
         assert_eq!(board["answered"], 200);
+        assert_eq!(board["in_own_log"], 200);
         assert!(board["round_trip"]["p50_ns"].as_u64() > Some(0));
         assert!(board["send_delay"]["max_ns"].as_u64() > Some(0));
     }
     let folder = out.join("pixclock").join("seed-1");
-    assert_eq!(lines(&folder.join("samples-1.csv")), 201);
-    assert_eq!(lines(&folder.join("samples-2.csv")), 201);
+    for file in ["samples-1", "samples-2", "log-1", "log-2"] {
+        assert_eq!(
+            lines(&folder.join(file).with_extension("csv")),
+            201,
+            "{file}"
+        );
+    }
     let pairs = way["difference"]["count"].as_u64().expect("a count");
     assert_eq!(lines(&folder.join("difference.csv")) as u64, pairs + 1);
     let report = std::fs::read_to_string(out.join("report.html")).expect("a report");
     assert!(report.contains("This host’s own noise") && report.contains("<svg"));
+}
+
+/// Two boards whose RX are wired to the first one's line; their addresses, and how many
+/// bytes were said to the second one's, where nobody hears them.
+fn boards_on_one_line() -> (Vec<String>, Arc<AtomicUsize>) {
+    let bound = || TcpListener::bind("127.0.0.1:0").expect("a port");
+    let nodes = boards(&behaviours());
+    let near = [bound(), bound()];
+    let addresses = near.iter().map(|listener| {
+        let address = listener.local_addr().expect("its address");
+        format!("tcp:{address}")
+    });
+    let addresses = addresses.collect();
+    let unheard = Arc::new(AtomicUsize::new(0));
+    let counted = Arc::clone(&unheard);
+    thread::spawn(move || {
+        let [host_1, host_2] = near.map(|listener| listener.accept().expect("the host").0);
+        let node = |place: &String| {
+            let place = place.trim_start_matches("tcp:");
+            TcpStream::connect(place).expect("the node")
+        };
+        let [node_1, node_2] = [node(&nodes[0]), node(&nodes[1])];
+        let both = |stream: &TcpStream| stream.try_clone().expect("a handle");
+        let to_both = [both(&node_1), both(&node_2)];
+        thread::spawn({
+            let host = both(&host_1);
+            move || pass_on(host, &to_both, &AtomicUsize::new(0))
+        });
+        thread::spawn(move || pass_on(node_1, &[host_1], &AtomicUsize::new(0)));
+        thread::spawn({
+            let host = both(&host_2);
+            move || pass_on(host, &[], &counted)
+        });
+        pass_on(node_2, &[host_2], &AtomicUsize::new(0));
+    });
+    (addresses, unheard)
+}
+
+/// Hands on what comes, byte for byte, and counts it.
+fn pass_on(mut from: TcpStream, to: &[TcpStream], count: &AtomicUsize) {
+    let mut buffer = [0; 1_024];
+    while let Ok(length @ 1..) = from.read(&mut buffer) {
+        count.fetch_add(length, Ordering::Relaxed);
+        for mut to in to {
+            if to.write_all(&buffer[..length]).is_err() {
+                return;
+            }
+        }
+    }
+}
+
+#[test]
+fn boards_that_hear_one_line_hear_the_same_pings() {
+    let (_kept, out) = folder();
+    let (addresses, unheard) = boards_on_one_line();
+    let output = testbed(&addresses, 3, &out, &["--one-line"]);
+    assert_eq!(output.status.code(), Some(0), "{}", told(&output));
+    assert_eq!(unheard.load(Ordering::Relaxed), 0);
+    let summary = summary(&output);
+    let way = &summary["ways"][0];
+    let median = way["difference"]["p50_ns"].as_i64().expect("a size");
+    assert!((median - AHEAD_NS).abs() < AHEAD_NS / 4, "{median}");
+    let sent = |board: usize| {
+        let file = out.join(format!("pixclock/seed-1/samples-{board}.csv"));
+        let mut table = csv::Reader::from_path(file).expect("a file");
+        let rows = table.records().map(|row| row.expect("a row"));
+        rows.map(|row| row[1].to_owned()).collect::<Vec<_>>()
+    };
+    assert_eq!(sent(1).len(), 150);
+    assert_eq!(sent(1), sent(2));
+    for board in way["runs"][0]["boards"].as_array().expect("boards") {
+        assert_eq!(board["in_own_log"], 150);
+    }
+    let output = testbed(&["virtual".to_owned()], 3, &out, &["--one-line"]);
+    assert_eq!(output.status.code(), Some(2));
 }
 
 #[test]

@@ -5,9 +5,9 @@
 //! summary at the end.
 //!
 //! *Design.* [`Options`] is parsed here, so that whoever builds the image and
-//! whoever runs it read the same words; [`Way`] is what an image is built for. [`LogDecoder`] turns bytes into
-//! [`LogLine`]s; a line that begins with `status ` is a [`Status`]; [`Screen`]
-//! prints, and keeps what the summary needs.
+//! whoever runs it read the same words; [`Way`] is what an image is built for.
+//! [`LogDecoder`] turns bytes into [`LogLine`]s; a line that begins with `status ` is a
+//! [`Status`]; [`Screen`] prints, and keeps what the summary needs.
 //!
 //! *Limits.* Nothing here starts, stops or paces anything.
 
@@ -18,7 +18,7 @@ mod status;
 mod way;
 
 pub use log::{Level, LogDecoder, LogLine};
-pub use options::{DEFAULT_MAVLINK_PORT, MAX_BOARDS, Options, TICKS_US, UtcNanos};
+pub use options::{DEFAULT_MAVLINK_PORT, MAX_BOARDS, Options, SimOptions, TICKS_US, UtcNanos};
 pub use screen::{Screen, Verdict};
 pub use status::Status;
 pub use way::{NoWay, Way};

@@ -2,7 +2,7 @@
 //!
 //! *Purpose.* One place where they are named, checked and explained.
 //!
-//! *Design.* A clap [`Args`]. Whoever builds the image reads the same struct for
+//! *Design.* A clap [`Args`], and another one around it for what QEMU has not. Whoever builds the image reads the same struct for
 //! `--tick-us` and hands the built image over with `--image`.
 //!
 //! *Limits.* A wrong option ends the program with exit code 2 and says what is
@@ -75,6 +75,18 @@ pub struct Options {
     /// The firmware image to run; `cargo xtask` builds one and fills this in
     #[arg(long, value_name = "PATH")]
     pub image: Option<PathBuf>,
+}
+
+/// What `sim` can be asked for.
+#[derive(Args, Clone, Debug)]
+pub struct SimOptions {
+    /// What `qemu` can be asked for, too.
+    #[command(flatten)]
+    pub run: Options,
+
+    /// Wire the simulated receiver's time pulse to the board, too
+    #[arg(long, conflicts_with_all = ["ubx", "way"])]
+    pub pulse: bool,
 }
 
 impl Options {
@@ -187,6 +199,23 @@ mod tests {
     fn a_recording_has_its_own_time() {
         let both = parse(&["--ubx", "a.ubx", "--start", "2026-11-22T04:00:00Z"]);
         assert_eq!(both.unwrap_err().exit_code(), 2);
+    }
+
+    #[test]
+    fn a_pulse_needs_a_receiver_that_makes_one_and_a_way_that_follows_it() {
+        #[derive(clap::Parser, Debug)]
+        struct Sim {
+            #[command(flatten)]
+            options: SimOptions,
+        }
+        let parse = |words: &[&str]| {
+            Sim::try_parse_from(["sim", "--pulse"].iter().chain(words)).map(|sim| sim.options)
+        };
+        let options = parse(&["--tick-us", "200"]).unwrap();
+        assert!(options.pulse);
+        for wrong in [["--ubx", "a.ubx"], ["--way", "paper-step1"]] {
+            assert_eq!(parse(&wrong).unwrap_err().exit_code(), 2, "{wrong:?}");
+        }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //!
 //! *Purpose.* A test formats a card with it, lets the firmware write to it, and reads the files.
 //!
-//! *Limits.* For tests: what cannot be done is a panic.
+//! *Limits.* For tests: what cannot be done is a panic, but for [`contents`], which a tool uses.
 #![expect(
     clippy::unwrap_used,
     clippy::missing_panics_doc,
@@ -10,7 +10,7 @@
 )]
 
 use std::collections::BTreeMap;
-use std::io::{Cursor, Read as _, Write as _};
+use std::io::{self, Cursor, Read as _, Write as _};
 
 use fatfs::{DateTime, FatType, FileSystem, FormatVolumeOptions, FsOptions};
 
@@ -120,6 +120,19 @@ pub fn free_bytes(image: &mut [u8]) -> usize {
     let volume = FileSystem::new(partition_of(image), FsOptions::new()).unwrap();
     let stats = volume.stats().unwrap();
     stats.free_clusters() as usize * stats.cluster_size() as usize
+}
+
+/// All of one file in the root of a card.
+///
+/// # Errors
+///
+/// When there is none of that name, or the card's file system makes no sense.
+pub fn contents(image: &mut [u8], name: &str) -> io::Result<Vec<u8>> {
+    let volume = FileSystem::new(partition_of(image), FsOptions::new())?;
+    let mut contents = Vec::new();
+    let mut file = volume.root_dir().open_file(name)?;
+    file.read_to_end(&mut contents)?;
+    Ok(contents)
 }
 
 fn partition_of(image: &mut [u8]) -> Cursor<&mut [u8]> {

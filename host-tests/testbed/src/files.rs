@@ -3,9 +3,9 @@
 //! *Purpose.* Every sample of every board, every difference, the summary and the
 //! report, as files that other programs open.
 //!
-//! *Design.* `WAY/seed-N/samples-1.csv` (a file a board) and `difference.csv` beside
-//! them are written as soon as a run is over, `summary.json` and `report.html` at the
-//! end. Nothing in them depends on the hour or on the machine. When a file cannot be
+//! *Design.* `WAY/seed-N/samples-1.csv` (a file a board), the board's own `log-1.csv`
+//! where it could be had, and `difference.csv` are written as soon as a run is over,
+//! `summary.json` and `report.html` with its figures as `figures/WAY.svg` at the end. Nothing in them depends on the hour or on the machine. When a file cannot be
 //! written, the others still are; and all of it goes to the system's folder for
 //! temporary files instead, if that takes it.
 //!
@@ -36,9 +36,11 @@ impl Folder {
     ///
     /// When it cannot be made, or takes no file.
     pub fn create(path: &Path) -> Result<Self> {
-        let probe = path.join("summary.json");
+        // An earlier experiment's files stay as they are until there are new ones.
+        let probe = path.join("can-be-written");
         fs::create_dir_all(path)
-            .and_then(|()| fs::write(&probe, "{}\n"))
+            .and_then(|()| fs::write(&probe, "yes\n"))
+            .and_then(|()| fs::remove_file(&probe))
             .with_context(|| {
                 format!(
                     "no results can be written to {}; name another folder with --out",
@@ -68,21 +70,32 @@ impl Folder {
         for number in 1..=run.records.len() {
             let file = folder.join(format!("samples-{number}.csv"));
             written = written.and(write_csv(&file, |csv| samples(csv, run, number - 1)));
+            let record = run.records.get(number - 1);
+            if let Some(log) = record.and_then(|record| record.own_log.as_ref()) {
+                written = written.and(write(&folder.join(format!("log-{number}.csv")), log.file()));
+            }
         }
         let file = folder.join("difference.csv");
         written.and(write_csv(&file, |csv| differences(csv, run)))
     }
 
-    /// Writes summary and report.
+    /// Writes summary, report and the report's figures.
     ///
     /// # Errors
     ///
-    /// Names the first file that could not be written; the other is.
+    /// Names the first file that could not be written; the others are.
     pub fn write_summary(&self, experiment: &Experiment) -> Result<()> {
         let summary = format!("{:#}\n", summary(experiment));
         let summary = write(&self.path.join("summary.json"), summary.as_bytes());
         let report = report::html(experiment)?;
-        summary.and(write(&self.path.join("report.html"), report.as_bytes()))
+        let report = write(&self.path.join("report.html"), report.as_bytes());
+        let figures = self.path.join("figures");
+        let mut written = fs::create_dir_all(&figures).map_err(Into::into);
+        for run in report::first_runs(experiment) {
+            let file = figures.join(run.way.folder()).with_extension("svg");
+            written = written.and(write(&file, report::picture(run)?.as_bytes()));
+        }
+        summary.and(report).and(written)
     }
 
     /// Writes all of it once more, into the system's folder for temporary files.
@@ -125,7 +138,8 @@ fn samples(csv: &mut csv::Writer<Vec<u8>>, run: &Run, board: usize) -> csv::Resu
     csv.write_record([
         "sequence",
         "sent_ns",
-        "board_time_us",
+        "board_time_ns",
+        "told_by",
         "round_trip_ns",
         "error_to_utc_ns",
         "verdict",
@@ -140,7 +154,8 @@ fn samples(csv: &mut csv::Writer<Vec<u8>>, run: &Run, board: usize) -> csv::Resu
         csv.write_record([
             sample.sequence.to_string(),
             sample.sent_ns.to_string(),
-            sample.board_us.to_string(),
+            sample.board_ns.to_string(),
+            if sample.is_from_log { "log" } else { "answer" }.to_owned(),
             sample.round_trip_ns.to_string(),
             error.unwrap_or_default(),
             sample.verdict.to_string(),
@@ -212,6 +227,7 @@ fn run_value(run: &Run) -> Value {
                 "answered": record.samples.len(),
                 "line_full": record.line_full,
                 "used": record.good().count(),
+                "in_own_log": record.samples.iter().filter(|s| s.is_from_log).count(),
                 "round_trip": Spread::of(trips).map(spread_value),
                 "send_delay": Spread::of(delays).map(spread_value),
                 "troubles": record.troubles.iter().map(ToString::to_string).collect::<Vec<_>>(),

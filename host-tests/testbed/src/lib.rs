@@ -9,13 +9,14 @@
 //! *Design.* Nothing here does I/O with a board or knows the time: the program that runs
 //! virtual boards and the verb that talks to real ones feed it alike.
 //!
-//! *Limits.* A difference is seen through answers to PINGs, which have whole µs; the
-//! boards' own logs have ns.
+//! *Limits.* A difference is seen through PINGs, whose moment an interrupt stamps. Answers
+//! have whole µs; the boards' own logs, where they are at hand, have ns.
 
 pub mod bounds;
 mod ending;
 mod files;
 mod options;
+mod own_log;
 mod pairing;
 mod plot;
 pub mod progress;
@@ -29,8 +30,9 @@ mod way;
 pub use ending::{Keeper, text};
 pub use files::{Folder, summary};
 pub use options::{Boards, Crystals, Options, Receivers};
+pub use own_log::OwnLog;
 pub use pairing::{Difference, differences, set_aside_late};
-pub use record::{Conversation, EARLIEST_UTC_US, Record, SILENCE_NS, Sample, Trouble, Verdict};
+pub use record::{Conversation, Record, SILENCE_NS, Sample, Trouble, Verdict};
 pub use run::{Experiment, Place, Run};
 pub use schedule::Schedule;
 pub use statistics::{Estimate, Spread};

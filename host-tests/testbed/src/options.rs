@@ -43,6 +43,11 @@ pub struct Options {
     #[arg(long, value_name = "HZ", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=MAX_RATE_HZ))]
     pub rate: u32,
 
+    /// The real boards' RX are wired to one line: each PING is sent once, to the first
+    /// address, and from the others only answers come
+    #[arg(long)]
+    pub one_line: bool,
+
     /// Which ways of keeping time, or `all`; on real boards, what they are expected to
     /// run. Without it all, and on real boards whatever they run
     #[arg(long = "way", value_name = "WAY", value_delimiter = ',', value_parser = parse_ways)]
@@ -250,6 +255,9 @@ impl Options {
         }
         command += &format!(" --duration {} --rate {}", self.duration, self.rate);
         command += &format!(" --settle {}", self.settle);
+        if self.one_line {
+            command += " --one-line";
+        }
         if !self.are_real() {
             let receiver = self.receiver.to_possible_value();
             let receiver = receiver.as_ref().map_or("", |value| value.get_name());

@@ -4,7 +4,7 @@
 //!
 //! *Design.* Samples are paired by the PING's number. Where a host sends, two PINGs of
 //! one number do not leave at quite the same moment: the difference of their sending
-//! times is taken off. A PING whose round trip was long may have waited on its way to
+//! times is taken off. Where one of the two times has whole µs, whole µs are compared. A PING whose round trip was long may have waited on its way to
 //! the board, so that its moment of arrival is not known: [`set_aside_late`] takes those
 //! out, board by board. Every board is held against the first.
 //!
@@ -56,12 +56,14 @@ pub fn differences(records: &[Record]) -> Vec<Difference> {
 }
 
 fn difference(board: usize, ours: &Sample, theirs: &Sample) -> Difference {
-    let told_us = theirs.board_us.cast_signed() - ours.board_us.cast_signed();
+    let are_fine = ours.is_from_log && theirs.is_from_log;
+    let unit = if are_fine { 1 } else { 1_000 };
+    let told = theirs.board_ns / unit - ours.board_ns / unit;
     Difference {
         sequence: ours.sequence,
         at_ns: ours.sent_ns,
         board,
-        ns: told_us * 1_000 - (theirs.sent_ns - ours.sent_ns),
+        ns: told * unit - (theirs.sent_ns - ours.sent_ns),
     }
 }
 
@@ -85,11 +87,12 @@ pub fn set_aside_late(record: &mut Record) -> Option<i64> {
 mod tests {
     use super::*;
 
-    fn sample(sequence: u32, sent_ns: i64, board_us: u64) -> Sample {
+    fn sample(sequence: u32, sent_ns: i64, board_us: i64) -> Sample {
         Sample {
             sequence,
             sent_ns,
-            board_us,
+            board_ns: board_us * 1_000,
+            is_from_log: false,
             round_trip_ns: 1_000_000,
             error_ns: None,
             verdict: Verdict::Good,
@@ -122,6 +125,19 @@ mod tests {
         let first = record(vec![sample(0, 0, 5_000)]);
         let second = record(vec![sample(0, 250_000, 5_260)]);
         assert_eq!(differences(&[first, second])[0].ns, 10_000);
+    }
+
+    #[test]
+    fn nanoseconds_count_where_both_boards_have_them() {
+        let fine = |board_ns| Sample {
+            board_ns,
+            is_from_log: true,
+            ..sample(0, 0, 0)
+        };
+        let apart = |one, other| differences(&[record(vec![one]), record(vec![other])])[0].ns;
+        assert_eq!(apart(fine(5_000_990), fine(5_001_020)), 30);
+        // The answer 5.001 ms may be of up to 5.001999 ms.
+        assert_eq!(apart(fine(5_000_990), sample(0, 0, 5_001)), 1_000);
     }
 
     #[test]

@@ -7,7 +7,8 @@
 //! it said and when. The board's own words tell its troubles: a time since boot that
 //! goes back (SYSTEM_TIME) is a reboot, an answer before 2016 is a clock that is not
 //! set, GPS_RAW_INT without a receiver is a receiver that is lost, silence is silence.
-//! A sample that falls into a trouble is kept, marked, and not used.
+//! A sample that falls into a trouble is kept, marked, and not used. Answers have whole µs;
+//! where the board's own log is at hand, its nanoseconds take their place.
 //!
 //! *Limits.* SYSTEM_TIME and GPS_RAW_INT come once a second, and a lost receiver is
 //! told after 2 s: samples of up to 3 s before it was noticed are set aside with it.
@@ -15,11 +16,14 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
+use anyhow::Result;
 use mavlink_node::client::What;
 
+use crate::own_log::OwnLog;
+
 /// A board's time below this is a time since boot: 2016-01-01, before which no board
-/// sets its clock, in µs of UTC.
-pub const EARLIEST_UTC_US: u64 = 1_451_606_400_000_000;
+/// sets its clock, in ns of UTC.
+const EARLIEST_UTC_NS: i64 = 1_451_606_400_000_000_000;
 /// How long a receiver has been lost at most when it is told, in ns.
 const LOST_BEFORE_NS: i64 = 3_000_000_000;
 /// GPS_FIX_TYPE_NO_GPS.
@@ -35,8 +39,10 @@ pub struct Sample {
     pub sequence: u32,
     /// When it left the host, in ns since the test's start.
     pub sent_ns: i64,
-    /// The board's time at its arrival, in µs: of UTC, or since boot.
-    pub board_us: u64,
+    /// The board's time at its arrival, in ns: of UTC, or since boot.
+    pub board_ns: i64,
+    /// That time is out of the board's own log; what it was answered with are whole µs.
+    pub is_from_log: bool,
     /// From sending to the answer, in ns.
     pub round_trip_ns: i64,
     /// The board's time less UTC, in ns, where UTC is known.
@@ -85,6 +91,10 @@ pub enum Trouble {
     LostReceiver(i64),
     /// It said nothing any more.
     FellSilent(i64),
+    /// Its own log was not to be had, for this reason.
+    NoLog(String),
+    /// So many of its answers are not in its log, which has later ones.
+    NotInLog(usize),
 }
 
 impl fmt::Display for Trouble {
@@ -112,6 +122,15 @@ impl fmt::Display for Trouble {
                 "it fell silent {:.1} s into the test; its samples from before are used",
                 s(at)
             ),
+            Self::NoLog(why) => write!(
+                f,
+                "its own log was not to be had ({why}); its samples are used, in whole µs"
+            ),
+            Self::NotInLog(count) => write!(
+                f,
+                "{count} of its answers are not in its own log, which has later ones; they are \
+                 used, in whole µs"
+            ),
         }
     }
 }
@@ -133,9 +152,46 @@ pub struct Record {
     /// How much later than planned each PING left, in ns; nothing where it leaves on
     /// the dot.
     pub send_delays_ns: Vec<i64>,
+    /// What it wrote itself.
+    pub own_log: Option<OwnLog>,
 }
 
 impl Record {
+    /// Takes the file of the board's own log, or why there is none, and from it the
+    /// nanoseconds of the samples that are in it.
+    pub fn take_log(&mut self, file: Result<Vec<u8>>) {
+        match file.and_then(OwnLog::read) {
+            Ok(log) => {
+                let not_in_it = self.refine(&log);
+                if not_in_it > 0 {
+                    self.troubles.push(Trouble::NotInLog(not_in_it));
+                }
+                self.own_log = Some(log);
+            }
+            Err(error) => self.troubles.push(Trouble::NoLog(format!("{error:#}"))),
+        }
+    }
+
+    /// How many samples are not in `log`, those behind the last one that is left out: it
+    /// was full then.
+    fn refine(&mut self, log: &OwnLog) -> usize {
+        let mut not_in_it = 0;
+        let mut not_in_it_before_last = 0;
+        for sample in &mut self.samples {
+            let Some(ns) = log.time_ns(sample.sequence, sample.board_ns / 1_000) else {
+                not_in_it += 1;
+                continue;
+            };
+            not_in_it_before_last = not_in_it;
+            if let Some(error_ns) = &mut sample.error_ns {
+                *error_ns += ns - sample.board_ns;
+            }
+            sample.board_ns = ns;
+            sample.is_from_log = true;
+        }
+        not_in_it_before_last
+    }
+
     /// The samples that are used.
     pub fn good(&self) -> impl Iterator<Item = &Sample> {
         let is_good = |sample: &&Sample| sample.verdict == Verdict::Good;
@@ -203,7 +259,8 @@ impl Conversation {
                 self.samples.entry(seq).or_insert(Sample {
                     sequence: seq,
                     sent_ns,
-                    board_us: time_usec,
+                    board_ns: i64::try_from(time_usec).unwrap_or(0).saturating_mul(1_000),
+                    is_from_log: false,
                     round_trip_ns: now_ns - sent_ns,
                     error_ns: None,
                     verdict: Verdict::Good,
@@ -248,10 +305,9 @@ impl Conversation {
         let mut samples: Vec<Sample> = self.samples.into_values().collect();
         let is_deaf = |at: i64| self.deaf.iter().any(|&(from, to)| (from..to).contains(&at));
         for sample in &mut samples {
-            let is_set = sample.board_us >= EARLIEST_UTC_US;
+            let is_set = sample.board_ns >= EARLIEST_UTC_NS;
             if let Some(utc_ns) = utc_ns.filter(|_| is_set) {
-                let board_ns = sample.board_us.cast_signed() * 1_000;
-                sample.error_ns = Some(board_ns - utc_ns(sample.sent_ns));
+                sample.error_ns = Some(sample.board_ns - utc_ns(sample.sent_ns));
             }
             sample.verdict = if self.rebooted_ns.is_some_and(|at| sample.sent_ns >= at) {
                 Verdict::AfterReboot
@@ -289,6 +345,7 @@ impl Conversation {
             samples,
             troubles,
             send_delays_ns: self.send_delays_ns,
+            own_log: None,
         }
     }
 }
@@ -421,6 +478,44 @@ mod tests {
         conversation.heard(SECOND, &what);
         let record = conversation.end(None);
         assert_eq!(record.samples.len(), 1);
-        assert_eq!(record.samples[0].board_us, UTC_US);
+        assert_eq!(record.samples[0].board_ns, UTC_US.cast_signed() * 1_000);
+    }
+
+    #[test]
+    fn the_boards_own_log_adds_the_nanoseconds_and_what_it_lacks_is_told() {
+        let told = |in_log: &[u32]| {
+            let mut conversation = Conversation::new("one");
+            for sequence in 0..4 {
+                answer(&mut conversation, sequence, UTC_US + u64::from(sequence));
+            }
+            let mut record = conversation.end(Some(&|_| UTC_US.cast_signed() * 1_000));
+            let mut file = "sequence,board_time_ns\r\n".to_owned();
+            for n in in_log {
+                file += &format!("{n},{}\r\n", (UTC_US + u64::from(*n)) * 1_000 + 77);
+            }
+            record.take_log(Ok(file.into()));
+            record
+        };
+        let record = told(&[0, 1, 2, 3]);
+        assert!(record.samples.iter().all(|sample| sample.is_from_log));
+        assert_eq!(record.samples[3].error_ns, Some(3_077));
+        assert_eq!(record.troubles, []);
+        // A full log ends before the test does.
+        let record = told(&[0, 1]);
+        assert_eq!(record.samples[1].error_ns, Some(1_077));
+        assert_eq!(record.samples[2].error_ns, Some(2_000));
+        assert_eq!(record.troubles, []);
+        // But has no gap.
+        assert_eq!(told(&[1, 3]).troubles, [Trouble::NotInLog(2)]);
+    }
+
+    #[test]
+    fn a_log_that_is_not_to_be_had_spoils_no_sample() {
+        let mut conversation = Conversation::new("one");
+        answer(&mut conversation, 0, UTC_US);
+        let mut record = conversation.end(None);
+        record.take_log(Err(anyhow::anyhow!("no card")));
+        assert_eq!(record.troubles, [Trouble::NoLog("no card".to_owned())]);
+        assert_eq!(record.good().count(), 1);
     }
 }

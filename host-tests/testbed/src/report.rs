@@ -16,6 +16,7 @@ use anyhow::Result;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::bounds;
+use crate::pairing::Difference;
 use crate::plot::{self, Level};
 use crate::run::{Experiment, Place, Run};
 use crate::statistics::{Estimate, Spread};
@@ -35,9 +36,7 @@ const SHOWN_UP_TO: f64 = 10.0;
 /// When a figure cannot be drawn.
 pub fn html(experiment: &Experiment) -> Result<String> {
     let ways = experiment.ways();
-    let figures = ways
-        .iter()
-        .filter_map(|&way| experiment.runs_of(way).next())
+    let figures = first_runs(experiment)
         .map(|run| figure(experiment, run))
         .collect::<Result<Vec<Markup>>>()?;
     let page = html! {
@@ -167,8 +166,11 @@ fn errors(experiment: &Experiment) -> Markup {
         p {
             "On virtual boards the truth is known. A clock that knows nothing of its receiver’s \
              latency is late by its floor; between equal receivers that cancels. The pulse has none: what \
-             is left with it is that answers are rounded down to whole microseconds, by half of one on \
-             average."
+             is left with it is the interrupt that stamps a PING"
+            @if !experiment.is_to_the_ns() {
+                ", and that answers are rounded down to whole microseconds, by half of one on average"
+            }
+            "."
         }
         div.scroll { table {
             thead { tr { th { "way" } th { "board" } th { "mean" } th { "95 % below" } th { "largest" } } }
@@ -252,9 +254,26 @@ fn cells(spread: Spread) -> Markup {
     }
 }
 
-fn figure(experiment: &Experiment, run: &Run) -> Result<Markup> {
+/// The runs that are drawn: each way's first.
+pub(crate) fn first_runs(experiment: &Experiment) -> impl Iterator<Item = &Run> {
+    let ways = experiment.ways().into_iter();
+    ways.filter_map(|way| experiment.runs_of(way).next())
+}
+
+/// The differences of a run that are drawn.
+fn drawn(run: &Run) -> Vec<Difference> {
     let mut differences = run.differences();
     differences.retain(|difference| difference.board == 1);
+    differences
+}
+
+/// The picture of a run, as SVG.
+///
+/// # Errors
+///
+/// When it cannot be drawn.
+pub(crate) fn picture(run: &Run) -> Result<String> {
+    let differences = drawn(run);
     let mut levels = Vec::new();
     let spread = Spread::of(differences.iter().map(|difference| difference.ns));
     if let Some(spread) = spread {
@@ -276,12 +295,16 @@ fn figure(experiment: &Experiment, run: &Run) -> Result<Markup> {
             dashes: PAPER_DASHES,
         });
     }
-    let picture = plot::svg(&differences, run.lasted_s, &levels)?;
+    plot::svg(&differences, run.lasted_s, &levels)
+}
+
+fn figure(experiment: &Experiment, run: &Run) -> Result<Markup> {
+    let spread = Spread::of(drawn(run).iter().map(|difference| difference.ns));
     let several = experiment.runs_of(run.way).count() > 1;
     Ok(html! {
         figure role="img" aria-label=(run.way.title()) {
             h3 { (run.way.title()) }
-            (PreEscaped(picture))
+            (PreEscaped(picture(run)?))
             figcaption {
                 code { (run.way) }
                 @if let Some(number) = run.way.paper_figure() { ", as the paper’s figure " (number) }
@@ -307,8 +330,17 @@ fn how(experiment: &Experiment) -> Markup {
         @if experiment.place == Place::Virtual {
             p {
                 "The same command makes the same files, byte for byte. Every way meets the same \
-                 receivers, crystals and PINGs. Answers have whole microseconds, so two clocks \
-                 that agree to a few nanoseconds are seen to differ by one or by none."
+                 receivers, crystals and PINGs."
+            }
+        }
+        p {
+            @if experiment.is_to_the_ns() {
+                "The boards’ times are those of their own logs, in nanoseconds; each is the time \
+                 that its PING was answered with."
+            } @else {
+                "Where a board’s own log was not to be had or was full, its times are those of its \
+                 answers, which have whole microseconds: two clocks that agree to a few nanoseconds \
+                 are seen to differ by one or by none."
             }
         }
     }

@@ -120,6 +120,13 @@ impl Experiment {
         Spread::of(all.map(|difference| difference.ns))
     }
 
+    /// Whether every difference has nanoseconds, and not whole µs.
+    #[must_use]
+    pub fn is_to_the_ns(&self) -> bool {
+        let mut records = self.runs.iter().flat_map(|run| &run.records);
+        records.all(|record| record.good().all(|sample| sample.is_from_log))
+    }
+
     /// The spread of each board's error to UTC under a way, all its runs together;
     /// empty where UTC is not known.
     #[must_use]

@@ -2,6 +2,7 @@
 //! readable by others, and verdicts that can fail.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
@@ -12,6 +13,8 @@ use testbed::{Conversation, Experiment, Folder, Place, Record, Run, Way, bounds,
 
 const UTC_US: i64 = 1_795_320_000_000_000;
 const SECONDS: i64 = 30;
+/// What a board's log has beyond whole µs.
+const LOGGED_NS: i64 = 250;
 
 /// A board whose clock is `ahead_us` ahead at each PING.
 fn record(name: &str, ahead_us: impl Fn(i64) -> i64) -> Record {
@@ -31,7 +34,18 @@ fn record(name: &str, ahead_us: impl Fn(i64) -> i64) -> Record {
         };
         conversation.heard(sent_ns + 5_000_000, &what);
     }
-    conversation.end(Some(&|sent_ns| UTC_US * 1_000 + sent_ns))
+    let mut record = conversation.end(Some(&|sent_ns| UTC_US * 1_000 + sent_ns));
+    let mut log = "sequence,board_time_ns\r\n".to_owned();
+    for sample in &record.samples {
+        let _ = write!(
+            log,
+            "{},{}\r\n",
+            sample.sequence,
+            sample.board_ns + LOGGED_NS
+        );
+    }
+    record.take_log(Ok(log.into()));
+    record
 }
 
 /// An experiment with every way and two seeds, the boards `apart_us` apart.
@@ -105,8 +119,9 @@ fn collect(root: &Path, folder: &Path, files: &mut BTreeMap<String, Vec<u8>>) {
 fn the_same_runs_make_the_same_files_byte_for_byte() {
     let files = written(&experiment(good));
     assert_eq!(files, written(&experiment(good)));
-    // Two files of samples and one of differences a run, a summary, a report.
-    assert_eq!(files.len(), 3 * 2 * Way::ALL.len() + 2);
+    // Two files of samples, two logs and one of differences a run; a figure a way, a
+    // summary, a report.
+    assert_eq!(files.len(), (5 * 2 + 1) * Way::ALL.len() + 2);
     assert_ne!(files, written(&experiment(|way| good(way) + 10)));
 }
 
@@ -116,12 +131,22 @@ fn a_file_of_samples_is_a_table_that_others_can_read() {
     let text = &files["paper-step2-50/seed-1/samples-2.csv"];
     let mut table = csv::Reader::from_reader(text.as_slice());
     let columns = table.headers().unwrap().clone();
-    assert_eq!(&columns[2], "board_time_us");
+    assert_eq!(&columns[2], "board_time_ns");
     let rows: Vec<_> = table.records().collect::<Result<_, _>>().unwrap();
     assert_eq!(rows.len(), 300);
     assert_eq!(&rows[1][0], "1");
-    assert_eq!(rows[0][2].parse(), Ok(UTC_US + 6_000 - 40_000));
-    assert_eq!(rows[0][4].parse(), Ok(-34_000_000));
+    assert_eq!(
+        rows[0][2].parse(),
+        Ok((UTC_US + 6_000 - 40_000) * 1_000 + LOGGED_NS)
+    );
+    assert_eq!(&rows[0][3], "log");
+    assert_eq!(rows[0][5].parse(), Ok(-34_000_000 + LOGGED_NS));
+    // The board's own log is there as it was, and the report's figure by itself.
+    let log = &files["paper-step2-50/seed-1/log-2.csv"];
+    assert_eq!(log.iter().filter(|byte| **byte == b'\n').count(), 301);
+    let page = String::from_utf8(files["report.html"].clone()).unwrap();
+    let figure = String::from_utf8(files["figures/paper-step2-50.svg"].clone()).unwrap();
+    assert!(page.contains(&figure));
 }
 
 #[test]
@@ -161,7 +186,7 @@ fn the_summary_has_the_figures_of_the_table() {
     // Student's t for two runs, 12.706, by half their distance.
     let half = step1["mean_of_runs"]["confidence_95_ns"].as_f64().unwrap();
     assert!((half - 12.706 * 0.3e6 * 1.005).abs() < 0.05e6, "{half}");
-    assert_eq!(step1["error_to_utc"][0]["mean_ns"], 40_000_000.0);
+    assert_eq!(step1["error_to_utc"][0]["mean_ns"], 39_999_750.0);
 }
 
 #[test]

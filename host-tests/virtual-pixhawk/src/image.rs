@@ -126,6 +126,28 @@ impl Firmware {
         Ok(())
     }
 
+    /// The same image, but that the function `name` begins with `instruction`.
+    ///
+    /// # Errors
+    ///
+    /// As for [`Firmware::symbol`]; or it is no function whose code is in the file.
+    pub fn with_instruction(&self, name: &str, instruction: u16) -> anyhow::Result<Self> {
+        let Symbol { address, size } = self.symbol(name)?;
+        ensure!(size >= 2, "{name} is no function");
+        let address = u64::from(address);
+        let file = object::File::parse(&*self.elf)?;
+        let place = file.sections().find_map(|section| {
+            let (offset, _) = section.file_range()?;
+            let inside = address.checked_sub(section.address())?;
+            (inside < section.size()).then_some(offset + inside)
+        });
+        let place = usize::try_from(place.with_context(|| format!("no code of {name}"))?)?;
+        let mut elf = self.elf.clone();
+        let code = elf.get_mut(place..place + 2).context("it is cut off")?;
+        code.copy_from_slice(&instruction.to_le_bytes());
+        Self::parse(&self.path, elf)
+    }
+
     /// The whole ELF file.
     #[must_use]
     pub fn elf(&self) -> &[u8] {

@@ -33,7 +33,9 @@ const AGAIN: Duration = Duration::from_millis(500);
 pub struct Connected {
     /// Where it is.
     pub name: String,
-    link: Link,
+    /// What it is asked over, and what it answers on: one line, mostly.
+    asking: Link,
+    hearing: Link,
     client: Client,
     address: Option<Address>,
     clock: Option<Clock>,
@@ -64,11 +66,23 @@ pub struct Identity {
 }
 
 impl Connected {
-    /// The board that `name` names, at the end of `link`.
-    pub fn new(name: String, link: Link) -> Self {
+    /// The board that `name` names, at the end of `line`.
+    ///
+    /// # Errors
+    ///
+    /// When the system has no more handles.
+    pub fn new(name: String, line: Link) -> Result<Self> {
+        let asking = line.another()?;
+        Ok(Self::asked_over(asking, name, line))
+    }
+
+    /// The board that `name` names, which hears what is said on one line and answers on
+    /// another.
+    pub const fn asked_over(asking: Link, name: String, hearing: Link) -> Self {
         Self {
             name,
-            link,
+            asking,
+            hearing,
             client: Client::new(HERE, Version::V2),
             address: None,
             clock: None,
@@ -82,7 +96,7 @@ impl Connected {
     /// When the line is gone.
     pub fn listen(&mut self) -> Result<Vec<Heard>> {
         let mut buffer = [0; 1_024];
-        let bytes = self.link.receive(&mut buffer)?;
+        let bytes = self.hearing.receive(&mut buffer)?;
         let stamp = Stamp(0);
         let stamped = bytes.iter().map(|&byte| StampedByte { stamp, byte });
         let heard: Vec<Heard> = stamped
@@ -200,7 +214,7 @@ impl Connected {
     ) -> Result<Option<T>> {
         let began = Instant::now();
         while began.elapsed() < PATIENCE && !is_asked_to_end() {
-            self.link.send(&question(&mut self.client))?;
+            self.asking.send(&question(&mut self.client))?;
             let asked = Instant::now();
             while asked.elapsed() < AGAIN {
                 let heard = self.listen()?;
@@ -212,12 +226,75 @@ impl Connected {
         Ok(None)
     }
 
-    /// Its line once more.
+    /// Reads its own log over the line, which carries some 9 KB of it a second.
+    ///
+    /// # Errors
+    ///
+    /// When it does not give it, its line is gone, or Ctrl-C is heard.
+    pub fn own_log(&mut self, address: Address) -> Result<Vec<u8>> {
+        let listed = self.ask(
+            |client| client.logs(address),
+            |what| match what {
+                What::LogEntry { size, .. } => Some(*size as usize),
+                _ => None,
+            },
+        )?;
+        let Some(size) = listed else {
+            bail!("it does not list it");
+        };
+        let mut file = Vec::with_capacity(size);
+        let mut came = Instant::now();
+        while file.len() < size {
+            if came.elapsed() > PATIENCE || is_asked_to_end() {
+                bail!("it gave {} of {size} bytes", file.len());
+            }
+            let rest = (size - file.len()) as u32;
+            let request = self.client.log_data(address, file.len() as u32, rest);
+            self.asking.send(&request)?;
+            // One piece follows the other, until one is lost on the way.
+            let mut flowed = Instant::now();
+            while file.len() < size && flowed.elapsed() < AGAIN {
+                for heard in self.listen()? {
+                    if let Some(next) = piece(&heard.what, file.len()) {
+                        file.extend(next);
+                        (came, flowed) = (Instant::now(), Instant::now());
+                    }
+                }
+            }
+        }
+        Ok(file)
+    }
+
+    /// The line that it is asked over, once more.
     ///
     /// # Errors
     ///
     /// When the system has no more handles.
-    pub fn line(&self) -> Result<Link> {
-        self.link.another()
+    pub fn asking(&self) -> Result<Link> {
+        self.asking.another()
+    }
+
+    /// The line that it answers on, once more.
+    ///
+    /// # Errors
+    ///
+    /// When the system has no more handles.
+    pub fn hearing(&self) -> Result<Link> {
+        self.hearing.another()
+    }
+}
+
+/// The bytes of a log that begin at `offset`, if that is what was said.
+fn piece(what: &What, offset: usize) -> Option<Vec<u8>> {
+    match what {
+        What::LogData {
+            offset: at,
+            data,
+            count,
+            ..
+        } if *at as usize == offset && *count > 0 => {
+            Some(data.iter().take((*count).into()).copied().collect())
+        }
+        _ => None,
     }
 }

@@ -58,10 +58,8 @@ pub fn with_boards<T>(
                 let (qemu, gps) = qemu::power_on(command.stdout(Stdio::null()), &mavlink)?;
                 running.push(qemu);
                 let (line, _) = port.accept()?;
-                boards.push(Connected::new(
-                    format!("board {}", index + 1),
-                    Link::over(line)?,
-                ));
+                let name = format!("board {}", index + 1);
+                boards.push(Connected::new(name, Link::over(line)?)?);
                 let settings = receiver(options, seed, index)?;
                 let started = Instant::now();
                 let is_over = || is_over.load(Ordering::Relaxed);

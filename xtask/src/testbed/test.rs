@@ -4,8 +4,9 @@
 //!
 //! *Design.* Each board has two threads: one sends each PING at its moment and notes
 //! when it really left, the other notes when an answer came. So a slow answer delays no
-//! question, and no board another. The test ends early when fewer than two boards are
-//! left.
+//! question, and no board another. Boards that are wired to one line of ours share the
+//! first of the two. The test ends early when fewer than two boards are left; at its end
+//! the boards' own logs are read.
 //!
 //! *Limits.* Moments are this host's, with its scheduling: how late each PING left and
 //! how long each answer took is measured and told. A serial line's own way (an adapter
@@ -191,21 +192,27 @@ pub fn run(
             );
         }
     }
-    let lines = ready
-        .iter()
-        .map(|ready| Ok((ready.board.line()?, ready.board.line()?)))
-        .collect::<Result<Vec<(Link, Link)>>>()?;
+    let line = |ready: &Ready| Ok((ready.board.asking()?, ready.board.hearing()?));
+    let lines = ready.iter().map(line).collect::<Result<Vec<_>>>()?;
     let conversations: Vec<_> = ready
         .iter()
         .map(|ready| Mutex::new(Conversation::new(&ready.board.name)))
         .collect();
+    // The boards that hear one and the same PING.
+    let together = if options.one_line { ready.len() } else { 1 };
     let is_over = AtomicBool::new(false);
     let began = Instant::now() + LEAD;
     let at_start = bar.position();
     thread::scope(|scope| {
-        for ((asking, hearing), conversation) in lines.into_iter().zip(&conversations) {
-            let is_over = &is_over;
-            scope.spawn(move || ask(schedule, asking, conversation, began, is_over));
+        let is_over = &is_over;
+        let mut asked = conversations.chunks(together);
+        let lines = lines.into_iter().zip(&conversations);
+        for (index, ((asking, hearing), conversation)) in lines.enumerate() {
+            if index % together == 0
+                && let Some(asked) = asked.next()
+            {
+                scope.spawn(move || ask(schedule, asking, asked, began, is_over));
+            }
             scope.spawn(move || hear(hearing, conversation, began, is_over));
         }
         watch(schedule, &conversations, began, &|passed_s| {
@@ -214,21 +221,19 @@ pub fn run(
         is_over.store(true, Ordering::Relaxed);
     });
     let lasted_s = began.elapsed().as_secs().min(schedule.duration_s.into()) as u32;
-    for Ready { board, identity } in &mut ready {
-        // A board that is gone has been noted as such.
-        if !board.tell(identity.address, Test::Ends).unwrap_or(false) {
-            eprintln!(
-                "{} did not confirm that the test has ended: its own log may go on",
-                board.name
-            );
-        }
-    }
-    let records = conversations.into_iter().map(|conversation| {
-        let conversation = conversation.into_inner();
-        conversation
-            .unwrap_or_else(std::sync::PoisonError::into_inner)
-            .end(None)
-    });
+    let logs = end(&mut ready, bar);
+    let records = conversations
+        .into_iter()
+        .zip(logs)
+        .map(|(conversation, log)| {
+            let conversation = conversation.into_inner();
+            let conversation = conversation.unwrap_or_else(std::sync::PoisonError::into_inner);
+            let mut record = conversation.end(None);
+            if let Some(log) = log {
+                record.take_log(log);
+            }
+            record
+        });
     let mut records: Vec<Record> = records.collect();
     let late_ns = records
         .iter_mut()
@@ -240,6 +245,32 @@ pub fn run(
         lasted_s,
         records,
         late_ns,
+    })
+}
+
+/// Tells the boards that the test has ended, and reads their own logs. None of a board
+/// that is gone, which has been noted as such, and none after Ctrl-C.
+fn end(ready: &mut [Ready], bar: &ProgressBar) -> Vec<Option<Result<Vec<u8>>>> {
+    bar.set_message("reading the boards' logs");
+    thread::scope(|scope| {
+        let reading: Vec<_> = ready
+            .iter_mut()
+            .map(|Ready { board, identity }| {
+                scope.spawn(|| {
+                    if !board.tell(identity.address, Test::Ends).unwrap_or(false) {
+                        eprintln!(
+                            "{} did not confirm that the test has ended: its own log may go on",
+                            board.name
+                        );
+                        return None;
+                    }
+                    let log = board.own_log(identity.address);
+                    (!is_asked_to_end()).then_some(log)
+                })
+            })
+            .collect();
+        let read = reading.into_iter().map(|board| board.join().ok().flatten());
+        read.collect()
     })
 }
 
@@ -266,11 +297,11 @@ fn watch(
     }
 }
 
-/// Sends each PING at its moment.
+/// Sends each PING at its moment to the boards of these conversations.
 fn ask(
     schedule: Schedule,
     mut link: Link,
-    conversation: &Mutex<Conversation>,
+    conversations: &[Mutex<Conversation>],
     began: Instant,
     is_over: &AtomicBool,
 ) {
@@ -290,13 +321,13 @@ fn ask(
         // Noted before it leaves, so that no answer comes to nothing.
         let sent_ns = since(began);
         let delay_ns = sent_ns - at.cast_signed();
-        if let Ok(mut conversation) = conversation.lock() {
-            conversation.asked(sequence, sent_ns, Some(delay_ns));
-        }
+        let each = |note: &dyn Fn(&mut Conversation)| {
+            let locked = conversations.iter().filter_map(|one| one.lock().ok());
+            locked.for_each(|mut conversation| note(&mut conversation));
+        };
+        each(&|conversation| conversation.asked(sequence, sent_ns, Some(delay_ns)));
         if link.send(&ping).is_err() {
-            if let Ok(mut conversation) = conversation.lock() {
-                conversation.line_is_gone(since(began));
-            }
+            each(&|conversation| conversation.line_is_gone(since(began)));
             return;
         }
     }

@@ -21,10 +21,10 @@ use std::time::{Duration, Instant, SystemTime};
 use anyhow::Context as _;
 use clap::error::ErrorKind;
 use clap::{CommandFactory as _, Parser};
-use console::{Options, Screen, UtcNanos, Verdict};
+use console::{Screen, SimOptions, UtcNanos, Verdict};
 use serde_json::{Value, json};
 use virtual_pixhawk::{Builder, Firmware, Gaps, Pixhawk, TcpLine};
-use world::{Receiver, ReceiverSettings, Recording, WorldNanos};
+use world::{Pulses, Receiver, ReceiverSettings, Recording, WorldNanos};
 
 /// How often a board is brought to the present.
 const STEP: Duration = Duration::from_millis(1);
@@ -36,15 +36,15 @@ const CRYSTALS_PPB: [i32; 2] = [37_000, 44_000];
 #[command(name = "sim")]
 struct Sim {
     #[command(flatten)]
-    options: Options,
+    options: SimOptions,
 }
 
 fn main() -> ExitCode {
     let Sim { options } = Sim::parse();
-    let Some(image) = options.image.as_deref() else {
+    let Some(image) = options.run.image.as_deref() else {
         wrong_usage("--image PATH is missing; `cargo xtask sim` builds the image and fills it in")
     };
-    let recording = options.ubx.as_deref().map(|path| {
+    let recording = options.run.ubx.as_deref().map(|path| {
         read_recording(path).unwrap_or_else(|error| wrong_usage(&format!("--ubx: {error:#}")))
     });
     match run(&options, image, recording.as_ref()) {
@@ -68,7 +68,8 @@ fn read_recording(path: &Path) -> anyhow::Result<Recording> {
 }
 
 /// Runs all boards until the end of `--duration` or Ctrl-C.
-fn run(options: &Options, image: &Path, recording: Option<&Recording>) -> anyhow::Result<ExitCode> {
+fn run(sim: &SimOptions, image: &Path, recording: Option<&Recording>) -> anyhow::Result<ExitCode> {
+    let options = &sim.run;
     static ASKED_TO_END: AtomicBool = AtomicBool::new(false);
     ctrlc::set_handler(|| ASKED_TO_END.store(true, Ordering::Relaxed))?;
 
@@ -78,16 +79,10 @@ fn run(options: &Options, image: &Path, recording: Option<&Recording>) -> anyhow
     let utc_at_start = options.start.map_or_else(host_utc, Ok)?;
     let mut boards = Vec::new();
     for index in 0..options.boards {
-        boards.push(power_on(
-            options,
-            &firmware,
-            recording,
-            utc_at_start,
-            index,
-        )?);
+        boards.push(power_on(sim, &firmware, recording, utc_at_start, index)?);
     }
     if !options.json {
-        announce(options, utc_at_start)?;
+        announce(sim, utc_at_start)?;
     }
     let ended: Vec<anyhow::Result<Ended>> = thread::scope(|scope| {
         let running: Vec<_> = (0..)
@@ -132,7 +127,7 @@ fn host_utc() -> anyhow::Result<UtcNanos> {
 }
 
 fn power_on(
-    options: &Options,
+    sim: &SimOptions,
     firmware: &Firmware,
     recording: Option<&Recording>,
     utc_at_start: UtcNanos,
@@ -140,24 +135,34 @@ fn power_on(
 ) -> anyhow::Result<Pixhawk> {
     let builder = Builder::new(firmware.clone())
         .crystal_ppb(CRYSTALS_PPB[usize::from(index) % CRYSTALS_PPB.len()])
-        .telem1(TcpLine::listen(options.mavlink_port_of(index))?);
+        .telem1(TcpLine::listen(sim.run.mavlink_port_of(index))?);
     let builder = match recording {
         Some(recording) => builder.gps(recording.clone()),
-        None => builder.gps(Receiver::new(ReceiverSettings {
-            seed: index.into(),
-            ..ReceiverSettings::new(utc_at_start.0)
-        })),
+        None => {
+            let settings = ReceiverSettings {
+                seed: index.into(),
+                ..ReceiverSettings::new(utc_at_start.0)
+            };
+            let builder = builder.gps(Receiver::new(settings.clone()));
+            if sim.pulse {
+                builder.pulse(Pulses::new(&settings))
+            } else {
+                builder
+            }
+        }
     };
     builder.power_on()
 }
 
 /// Says what runs and where it can be talked to.
-fn announce(options: &Options, utc_at_start: UtcNanos) -> anyhow::Result<()> {
+fn announce(sim: &SimOptions, utc_at_start: UtcNanos) -> anyhow::Result<()> {
+    let options = &sim.run;
     let source = match &options.ubx {
         Some(path) => format!("the recording {}", path.display()),
         None => {
             let start = jiff::Timestamp::from_nanosecond(utc_at_start.0.into())?;
-            format!("a simulated receiver from {start:.3}")
+            let pulse = if sim.pulse { " and its pulse" } else { "" };
+            format!("a simulated receiver{pulse} from {start:.3}")
         }
     };
     for index in 0..options.boards {

@@ -7,7 +7,8 @@
 //! The first PING follows after `--settle`, the same for all ways. Each board has a
 //! thread and lives alone, since nothing that it says changes what the others hear; it
 //! is run in steps of a second, so that Ctrl-C is soon obeyed. UTC is the world's time
-//! at the end of a PING's first byte.
+//! at the end of a PING's first byte. As in the paper, a message tells the boards that the
+//! test is over, and each writes what it noted to the card in its slot.
 //!
 //! *Limits.* Crystals do not wander. The laptop's line takes what the board's own
 //! 115200 baud take: a PING that is due while the one before still leaves, waits.
@@ -21,12 +22,13 @@ use clap::Parser;
 use clap::{CommandFactory as _, error::ErrorKind};
 use console::Status;
 use fastrand::Rng;
+use fat_image::Kind;
 use indicatif::ProgressBar;
 use mavlink_node::client::Client;
-use mavlink_node::{Address, Version};
+use mavlink_node::{Address, Test, Version};
 use testbed::{Boards, Conversation, Keeper, Options, Place, Record, Run, Schedule, Way, progress};
 use timebase::{Stamp, StampedByte};
-use virtual_pixhawk::{Builder, Connector, Firmware, Gaps, Script};
+use virtual_pixhawk::{Builder, Card, Connector, Firmware, Gaps, Pixhawk, Script};
 use world::{Pulses, Receiver, ReceiverSettings, Transmission, WorldNanos};
 
 const SECOND: u64 = 1_000_000_000;
@@ -41,14 +43,24 @@ const BAUD: u32 = 115_200;
 const FIRST_BYTE_NS: i64 = 86_905;
 /// Receivers have a TCXO that is within so many ppb.
 const RECEIVER_PPB: i32 = 1_000;
-/// How long a board is listened to after the last PING, in ns: for its last answers and
-/// its next status line.
-const AFTERWARDS_NS: u64 = SECOND * 6 / 5;
+/// How long before the first PING a board is told that a test begins, and how long after
+/// the last one that it ends, in ns.
+const ASIDE_NS: u64 = SECOND / 2;
+/// How long a board is listened to after the last PING, in ns: for its last answers, its
+/// next status line, and until its card has a full log, which takes 1.4 s.
+const AFTERWARDS_NS: u64 = 3 * SECOND;
 /// The laptop: a ground station and the component that MAVLink gives to no device.
 const LAPTOP: Address = Address {
     system: 255,
     component: 190,
 };
+/// A board, as it is flashed.
+const BOARD: Address = Address {
+    system: 1,
+    component: 1,
+};
+/// What an empty card gets.
+const LOG_FILE: &str = "TEST0001.CSV";
 
 static ASKED_TO_END: AtomicBool = AtomicBool::new(false);
 
@@ -211,7 +223,8 @@ impl Lab {
         let mut builder = Builder::new(Firmware::read(path)?)
             .crystal_ppb(crystal_ppb)
             .gps(Receiver::new(receiver.clone()))
-            .telem1(Script::new(pings(schedule, test_ns - power_ns)));
+            .telem1(Script::new(asked(schedule, test_ns - power_ns)))
+            .card(Card::holding(&fat_image::formatted(Kind::Fat16)));
         if way.has_pulse() {
             builder = builder.pulse(Pulses::new(&receiver));
         }
@@ -269,15 +282,40 @@ impl Lab {
         let lasted_ns = since_test(board.now().0.min(ends)).max(0);
         let test_utc_ns = START_UTC_NS + self.test_ns.cast_signed();
         let utc_ns = |sent_ns| test_utc_ns + sent_ns + FIRST_BYTE_NS;
-        let record = Record {
+        let mut record = Record {
             line_full: Some(line_full),
             ..conversation.end(Some(&utc_ns))
         };
+        if !ASKED_TO_END.load(Ordering::Relaxed) {
+            record.take_log(own_log(&mut board));
+        }
         Ok(Life {
             record,
             lasted_s: (lasted_ns.cast_unsigned() / SECOND) as u32,
         })
     }
+}
+
+/// The file on the card in a board's slot.
+fn own_log(board: &mut Pixhawk) -> anyhow::Result<Vec<u8>> {
+    let card = board.swap_card(None)?.context("its slot is empty")?;
+    let file = fat_image::contents(&mut card.image(), LOG_FILE);
+    file.with_context(|| format!("no {LOG_FILE} on its card"))
+}
+
+/// All that a board is asked: what tells it of the test, and the PINGs between.
+fn asked(schedule: Schedule, begins: u64) -> Vec<Transmission> {
+    let mut client = Client::new(LAPTOP, Version::V2);
+    let mut tell = |test, start| Transmission {
+        start: WorldNanos(start),
+        bytes: client.test(BOARD, test).to_vec(),
+        baud: BAUD,
+    };
+    let ends = begins + u64::from(schedule.duration_s) * SECOND;
+    let mut asked = vec![tell(Test::Begins, begins - ASIDE_NS)];
+    asked.extend(pings(schedule, begins));
+    asked.push(tell(Test::Ends, ends + ASIDE_NS));
+    asked
 }
 
 /// The laptop's PINGs, the test beginning at `begins`, in the world's ns since the

@@ -52,6 +52,26 @@ fn it_boots_and_reports_once_a_second() {
 }
 
 #[test]
+fn a_hard_fault_tells_where_it_was_and_stops_the_board() {
+    /// UDF: undefined for ever.
+    const UNDEFINED: u16 = 0xDE00;
+    let Some(firmware) = image() else { return };
+    // The first byte on the MAVLink line, its own of the first second, ends it.
+    let handler = firmware.symbol("USART2").unwrap();
+    let firmware = firmware.with_instruction("USART2", UNDEFINED).unwrap();
+    let mut board = Builder::new(firmware).power_on().unwrap();
+    board.run_to(WorldNanos(3 * SECOND)).unwrap();
+    let log = board.take_log().unwrap();
+    assert!(log[0].line.text.starts_with("pixclock "), "{:?}", log[0]);
+    let last = log.last().unwrap();
+    assert_eq!(last.line.level, Some(Level::Error));
+    let told = format!("hard fault at {:#010x}", handler.address);
+    assert!(last.line.text.starts_with(&told), "{told}: {last:?}");
+    assert!((SECOND..SECOND + 100 * MS).contains(&last.at.0), "{last:?}");
+    assert_eq!(board.gaps().unwrap().resets, 0);
+}
+
+#[test]
 fn every_register_that_is_reached_has_a_model_or_an_explanation() {
     let Some(firmware) = image() else { return };
     let mut board = busy_board(firmware);

@@ -367,5 +367,7 @@ fn ctrl_c_keeps_what_was_measured() {
         "{}",
         told(&output)
     );
+    // The boards were told, and write their cards.
+    assert!(!told(&output).contains("confirm"), "{}", told(&output));
     assert!(lines(&out.join("pixclock").join("seed-1").join("samples-1.csv")) > 10);
 }

@@ -206,14 +206,14 @@ impl Connected {
         Ok(answer == Some(What::ACCEPTED))
     }
 
-    /// Asks until it is answered, or nothing comes.
+    /// Asks until it is answered, or nothing comes; once even after Ctrl-C.
     fn ask<T>(
         &mut self,
         question: impl Fn(&mut Client) -> mavlink_node::Frame,
         answer: impl Fn(&What) -> Option<T>,
     ) -> Result<Option<T>> {
         let began = Instant::now();
-        while began.elapsed() < PATIENCE && !is_asked_to_end() {
+        loop {
             self.asking.send(&question(&mut self.client))?;
             let asked = Instant::now();
             while asked.elapsed() < AGAIN {
@@ -222,8 +222,10 @@ impl Connected {
                     return Ok(Some(answer));
                 }
             }
+            if began.elapsed() >= PATIENCE || is_asked_to_end() {
+                return Ok(None);
+            }
         }
-        Ok(None)
     }
 
     /// Reads its own log over the line, which carries some 9 KB of it a second.

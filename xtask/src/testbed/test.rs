@@ -221,7 +221,8 @@ pub fn run(
         is_over.store(true, Ordering::Relaxed);
     });
     let lasted_s = began.elapsed().as_secs().min(schedule.duration_s.into()) as u32;
-    let logs = end(&mut ready, bar);
+    bar.set_message("reading the boards' logs");
+    let logs = end(&mut ready, &conversations, since(began));
     let records = conversations
         .into_iter()
         .zip(logs)
@@ -249,26 +250,33 @@ pub fn run(
 }
 
 /// Tells the boards that the test has ended, and reads their own logs. None of a board
-/// that is gone, which has been noted as such, and none after Ctrl-C.
-fn end(ready: &mut [Ready], bar: &ProgressBar) -> Vec<Option<Result<Vec<u8>>>> {
-    bar.set_message("reading the boards' logs");
+/// that is gone or has lost its log to a reboot, and none after Ctrl-C.
+fn end(
+    ready: &mut [Ready],
+    conversations: &[Mutex<Conversation>],
+    now_ns: i64,
+) -> Vec<Option<Result<Vec<u8>>>> {
     thread::scope(|scope| {
-        let reading: Vec<_> = ready
-            .iter_mut()
-            .map(|Ready { board, identity }| {
-                scope.spawn(|| {
-                    if !board.tell(identity.address, Test::Ends).unwrap_or(false) {
-                        eprintln!(
-                            "{} did not confirm that the test has ended: its own log may go on",
-                            board.name
-                        );
-                        return None;
-                    }
-                    let log = board.own_log(identity.address);
-                    (!is_asked_to_end()).then_some(log)
-                })
-            })
-            .collect();
+        let mut reading = Vec::new();
+        for (Ready { board, identity }, conversation) in ready.iter_mut().zip(conversations) {
+            let is_over = conversation
+                .lock()
+                .is_ok_and(|mut conversation| conversation.is_over(now_ns));
+            reading.push(scope.spawn(move || {
+                if is_over {
+                    return None;
+                }
+                if !board.tell(identity.address, Test::Ends).unwrap_or(false) {
+                    eprintln!(
+                        "{} did not confirm that the test has ended: its own log may go on",
+                        board.name
+                    );
+                    return None;
+                }
+                let log = board.own_log(identity.address);
+                (!is_asked_to_end()).then_some(log)
+            }));
+        }
         let read = reading.into_iter().map(|board| board.join().ok().flatten());
         read.collect()
     })

@@ -19,23 +19,12 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, Result};
 use jiff::Timestamp;
-use mavlink_node::client::{Client, Heard, What};
+use mavlink_node::client::{Client, EARLIEST_UTC_US, GROUND_STATION, Heard, What};
 use mavlink_node::{Address as MavAddress, Version};
 use serde_json::json;
 use timebase::{Stamp, StampedByte};
 
 use crate::link::{Address, Link};
-
-/// Who this host is on the line: a ground station (255) and the component that
-/// MAVLink gives to no device (MAV_COMP_ID_MISSIONPLANNER, 190).
-const HERE: MavAddress = MavAddress {
-    system: 255,
-    component: 190,
-};
-
-/// A node's time below this is a time since boot: 2016-01-01, before which no node
-/// sets its clock, in µs of UTC.
-const EARLIEST_UTC_US: u64 = 1_451_606_400_000_000;
 
 /// What `ping` is asked to do.
 #[derive(clap::Args, Debug)]
@@ -165,7 +154,7 @@ impl Round {
         };
         Ok(Self {
             link: Link::open(&options.address)?,
-            client: Client::new(HERE, version),
+            client: Client::new(GROUND_STATION, version),
             stop,
             answers: Vec::new(),
             missing: Vec::new(),
@@ -220,7 +209,7 @@ impl Round {
                 if let What::Ping {
                     time_usec,
                     seq: answered,
-                    target: HERE,
+                    target: GROUND_STATION,
                 } = heard.what
                     && answered == seq
                 {

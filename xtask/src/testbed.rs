@@ -138,7 +138,12 @@ fn on_lines(options: &Options, addresses: &[String]) -> Result<ExitCode> {
         .collect::<Vec<_>>();
     catch_ctrl_c()?;
     let what = format!("{} real ones", addresses.len());
-    let mut keeper = Keeper::new(options, Place::Lines, conditions(options, &what))?;
+    let place = if options.one_line {
+        Place::OneLine
+    } else {
+        Place::Lines
+    };
+    let mut keeper = Keeper::new(options, place, conditions(options, &what))?;
     let boards = connect(options, &addresses)?;
     let bar = progress::bar(u64::from(options.settle) + u64::from(options.duration));
     bar.set_message("waiting for the clocks");
@@ -153,10 +158,11 @@ fn on_lines(options: &Options, addresses: &[String]) -> Result<ExitCode> {
     }
     bar.set_message(way.to_string());
     let seed = options.seed;
-    keeper.keep(test::run(options, way, seed, prepared, &bar)?);
-    if is_asked_to_end() {
+    let run = test::run(options, way, seed, prepared, &bar)?;
+    if is_asked_to_end() && run.lasted_s < options.duration {
         keeper.cut_short("it was stopped by Ctrl-C");
     }
+    keeper.keep(run);
     bar.finish_and_clear();
     keeper.end(options, is_asked_to_end())
 }
@@ -181,8 +187,7 @@ fn conditions(options: &Options, boards: &str) -> Vec<(&'static str, String)> {
         conditions.push(("receivers", options.receiver.title().to_owned()));
     }
     if options.one_line {
-        let all_hear = "every board hears the first one's line".to_owned();
-        conditions.push(("wiring", all_hear));
+        conditions.push(("wiring", "all boards hear the first one's line".to_owned()));
     }
     conditions.push((
         "test",

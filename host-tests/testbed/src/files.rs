@@ -4,21 +4,23 @@
 //! report, as files that other programs open.
 //!
 //! *Design.* `WAY/seed-N/samples-1.csv` (a file a board), the board's own `log-1.csv`
-//! where it could be had, and `difference.csv` are written as soon as a run is over,
-//! `summary.json` and `report.html` with its figures as `figures/WAY.svg` at the end. Nothing in them depends on the hour or on the machine. When a file cannot be
-//! written, the others still are; and all of it goes to the system's folder for
-//! temporary files instead, if that takes it.
+//! where it could be had, and `difference.csv` are written as soon as a run is over; at the
+//! end follow `summary.json`, `report.html` and its figures, `figures/WAY.svg`. On virtual
+//! boards nothing in them depends on the hour or on the machine. When a file cannot be
+//! written, the others still are; and all of it goes to the system's folder for temporary
+//! files instead, if that takes it.
 //!
 //! *Limits.* Files of an earlier experiment in the same folder are overwritten where
-//! they have the same name, and stay where they have not.
+//! they have the same name; those of other ways and seeds stay.
 
 use std::fs::{self, File};
-use std::io::Write as _;
+use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 use serde_json::{Value, json};
 
+use crate::record::Record;
 use crate::run::{Experiment, Run};
 use crate::statistics::{Estimate, Spread};
 use crate::{bounds, report};
@@ -67,13 +69,14 @@ impl Folder {
         let folder = self.path.join(run.way.folder());
         let folder = folder.join(format!("seed-{}", run.seed));
         let mut written = fs::create_dir_all(&folder).map_err(Into::into);
-        for number in 1..=run.records.len() {
+        for (number, record) in (1..).zip(&run.records) {
             let file = folder.join(format!("samples-{number}.csv"));
-            written = written.and(write_csv(&file, |csv| samples(csv, run, number - 1)));
-            let record = run.records.get(number - 1);
-            if let Some(log) = record.and_then(|record| record.own_log.as_ref()) {
-                written = written.and(write(&folder.join(format!("log-{number}.csv")), log.file()));
-            }
+            written = written.and(write_csv(&file, |csv| samples(csv, record)));
+            let file = folder.join(format!("log-{number}.csv"));
+            written = written.and(match &record.own_log {
+                Some(log) => write(&file, log),
+                None => remove(&file),
+            });
         }
         let file = folder.join("difference.csv");
         written.and(write_csv(&file, |csv| differences(csv, run)))
@@ -120,6 +123,15 @@ fn write(path: &Path, bytes: &[u8]) -> Result<()> {
         .with_context(|| cannot_write(path))
 }
 
+/// Takes away what an earlier run has left.
+fn remove(path: &Path) -> Result<()> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
+    .with_context(|| cannot_write(path))
+}
+
 fn cannot_write(path: &Path) -> String {
     format!("cannot write {}", path.display())
 }
@@ -134,7 +146,7 @@ fn write_csv(
     write(path, &bytes)
 }
 
-fn samples(csv: &mut csv::Writer<Vec<u8>>, run: &Run, board: usize) -> csv::Result<()> {
+fn samples(csv: &mut csv::Writer<Vec<u8>>, record: &Record) -> csv::Result<()> {
     csv.write_record([
         "sequence",
         "sent_ns",
@@ -144,12 +156,7 @@ fn samples(csv: &mut csv::Writer<Vec<u8>>, run: &Run, board: usize) -> csv::Resu
         "error_to_utc_ns",
         "verdict",
     ])?;
-    for sample in run
-        .records
-        .get(board)
-        .iter()
-        .flat_map(|record| &record.samples)
-    {
+    for sample in &record.samples {
         let error = sample.error_ns.map(|ns| ns.to_string());
         csv.write_record([
             sample.sequence.to_string(),

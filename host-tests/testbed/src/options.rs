@@ -320,11 +320,12 @@ mod tests {
             "",
             "--way pixclock,paper-step2:50 --way paper-default --seeds 5 --crystals -1.5,0,2",
             "--boards qemu --receiver harsh --duration 60 --settle 30 --rate 100",
-            "--boards tcp:localhost:5760,tcp:localhost:5761 --way all",
+            "--boards tcp:localhost:5760,tcp:localhost:5761 --way all --one-line",
         ] {
             let command = parse(words).unwrap().command();
             let again = command.strip_prefix("cargo xtask testbed").unwrap();
             assert_eq!(parse(again).unwrap().command(), command);
+            assert_eq!(command.contains("--one-line"), words.contains("--one-line"));
         }
     }
 

@@ -7,7 +7,8 @@
 //! *Design.* A line belongs to an answer when number and whole µs are the same, so that
 //! the PINGs of somebody else on the line do no harm. The file is kept byte for byte.
 //!
-//! *Limits.* A log that is full has the first samples of a test, 8 192 on a Pixhawk.
+//! *Limits.* A log that is full has the first samples of a test, 8 192 on a Pixhawk, and
+//! tells how many more there were (`PC_LOG_MISSED`).
 
 use std::collections::BTreeMap;
 
@@ -21,17 +22,18 @@ const BOARD_TIME: &str = "board_time_ns";
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OwnLog {
     file: Vec<u8>,
+    is_full: bool,
     /// The board's time in ns, by a PING's number and that time's whole µs.
     times: BTreeMap<(u32, i64), i64>,
 }
 
 impl OwnLog {
-    /// Reads a file.
+    /// Reads the file of a log that had no room for `missed` samples.
     ///
     /// # Errors
     ///
     /// When it is no log, with the line that is none.
-    pub fn read(file: Vec<u8>) -> Result<Self> {
+    pub fn read(file: Vec<u8>, missed: u32) -> Result<Self> {
         let mut table = csv::Reader::from_reader(file.as_slice());
         let columns = table.headers()?.clone();
         let place = |wanted: &str| {
@@ -42,7 +44,7 @@ impl OwnLog {
         let mut times = BTreeMap::new();
         for (line, row) in (2..).zip(table.records()) {
             let row = row?;
-            let wrong = || format!("its line {line} is none of a log");
+            let wrong = || format!("line {line} is no line of a log");
             let sequence = row.get(number).unwrap_or_default().parse();
             let ns: i64 = row
                 .get(time)
@@ -51,13 +53,23 @@ impl OwnLog {
                 .with_context(wrong)?;
             times.insert((sequence.with_context(wrong)?, ns / 1_000), ns);
         }
-        Ok(Self { file, times })
+        Ok(Self {
+            file,
+            is_full: missed > 0,
+            times,
+        })
     }
 
-    /// The file.
+    /// Whether it ended before the test did.
     #[must_use]
-    pub fn file(&self) -> &[u8] {
-        &self.file
+    pub const fn is_full(&self) -> bool {
+        self.is_full
+    }
+
+    /// The file, as it was.
+    #[must_use]
+    pub fn into_file(self) -> Vec<u8> {
+        self.file
     }
 
     /// The board's time in ns at the PING `sequence`, which was answered with these whole
@@ -78,8 +90,7 @@ mod tests {
 
     #[test]
     fn a_line_is_found_by_its_number_and_its_whole_us() {
-        let log = OwnLog::read(FILE.into()).unwrap();
-        assert_eq!(log.file(), FILE.as_bytes());
+        let log = OwnLog::read(FILE.into(), 0).unwrap();
         assert_eq!(
             log.time_ns(7, 1_795_320_000_000),
             Some(1_795_320_000_000_123)
@@ -90,20 +101,23 @@ mod tests {
         );
         assert_eq!(log.time_ns(7, 1_795_320_100_000), None);
         assert_eq!(log.time_ns(9, 1_795_320_000_000), None);
+        assert!(!log.is_full());
+        assert_eq!(log.into_file(), FILE.as_bytes());
+        assert!(OwnLog::read(FILE.into(), 1).unwrap().is_full());
     }
 
     #[test]
     fn what_is_no_log_is_refused_with_its_line() {
         let cut = FILE.replace("0001795320100000999", "0001795320100Z");
-        let told = format!("{:#}", OwnLog::read(cut.into()).unwrap_err());
-        assert!(told.contains("its line 3"), "{told}");
+        let told = format!("{:#}", OwnLog::read(cut.into(), 0).unwrap_err());
+        assert!(told.contains("line 3 is no line"), "{told}");
         let told = format!(
             "{:#}",
-            OwnLog::read(b"a,b\r\n1,2\r\n".to_vec()).unwrap_err()
+            OwnLog::read(b"a,b\r\n1,2\r\n".to_vec(), 0).unwrap_err()
         );
         assert!(told.contains("no column sequence"), "{told}");
-        let told = format!("{:#}", OwnLog::read(Vec::new()).unwrap_err());
+        let told = format!("{:#}", OwnLog::read(Vec::new(), 0).unwrap_err());
         assert!(told.contains("no column"), "{told}");
-        assert!(OwnLog::read(FILE[..150].into()).is_err());
+        assert!(OwnLog::read(FILE[..150].into(), 0).is_err());
     }
 }

@@ -17,13 +17,10 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use anyhow::Result;
-use mavlink_node::client::What;
+use mavlink_node::client::{EARLIEST_UTC_US, What};
 
 use crate::own_log::OwnLog;
 
-/// A board's time below this is a time since boot: 2016-01-01, before which no board
-/// sets its clock, in ns of UTC.
-const EARLIEST_UTC_NS: i64 = 1_451_606_400_000_000_000;
 /// How long a receiver has been lost at most when it is told, in ns.
 const LOST_BEFORE_NS: i64 = 3_000_000_000;
 /// GPS_FIX_TYPE_NO_GPS.
@@ -93,7 +90,7 @@ pub enum Trouble {
     FellSilent(i64),
     /// Its own log was not to be had, for this reason.
     NoLog(String),
-    /// So many of its answers are not in its log, which has later ones.
+    /// So many of its answers ought to be in its log and are not.
     NotInLog(usize),
 }
 
@@ -128,8 +125,7 @@ impl fmt::Display for Trouble {
             ),
             Self::NotInLog(count) => write!(
                 f,
-                "{count} of its answers are not in its own log, which has later ones; they are \
-                 used, in whole µs"
+                "{count} of its answers are missing in its own log; they are used, in whole µs"
             ),
         }
     }
@@ -152,44 +148,48 @@ pub struct Record {
     /// How much later than planned each PING left, in ns; nothing where it leaves on
     /// the dot.
     pub send_delays_ns: Vec<i64>,
-    /// What it wrote itself.
-    pub own_log: Option<OwnLog>,
+    /// The file of its own log.
+    pub own_log: Option<Vec<u8>>,
 }
 
 impl Record {
-    /// Takes the file of the board's own log, or why there is none, and from it the
-    /// nanoseconds of the samples that are in it.
-    pub fn take_log(&mut self, file: Result<Vec<u8>>) {
-        match file.and_then(OwnLog::read) {
+    /// Takes the board's own log, or why there is none, and from it the nanoseconds of the
+    /// samples that are in it.
+    pub fn take_log(&mut self, log: Result<OwnLog>) {
+        match log {
             Ok(log) => {
                 let not_in_it = self.refine(&log);
                 if not_in_it > 0 {
                     self.troubles.push(Trouble::NotInLog(not_in_it));
                 }
-                self.own_log = Some(log);
+                self.own_log = Some(log.into_file());
             }
             Err(error) => self.troubles.push(Trouble::NoLog(format!("{error:#}"))),
         }
     }
 
-    /// How many samples are not in `log`, those behind the last one that is left out: it
-    /// was full then.
+    /// How many samples `log` ought to have and has not. A full log need not have those
+    /// behind its last one.
     fn refine(&mut self, log: &OwnLog) -> usize {
         let mut not_in_it = 0;
-        let mut not_in_it_before_last = 0;
+        let mut of_them_before_the_last = 0;
         for sample in &mut self.samples {
             let Some(ns) = log.time_ns(sample.sequence, sample.board_ns / 1_000) else {
                 not_in_it += 1;
                 continue;
             };
-            not_in_it_before_last = not_in_it;
+            of_them_before_the_last = not_in_it;
             if let Some(error_ns) = &mut sample.error_ns {
                 *error_ns += ns - sample.board_ns;
             }
             sample.board_ns = ns;
             sample.is_from_log = true;
         }
-        not_in_it_before_last
+        if log.is_full() {
+            of_them_before_the_last
+        } else {
+            not_in_it
+        }
     }
 
     /// The samples that are used.
@@ -305,7 +305,7 @@ impl Conversation {
         let mut samples: Vec<Sample> = self.samples.into_values().collect();
         let is_deaf = |at: i64| self.deaf.iter().any(|&(from, to)| (from..to).contains(&at));
         for sample in &mut samples {
-            let is_set = sample.board_ns >= EARLIEST_UTC_NS;
+            let is_set = sample.board_ns / 1_000 >= EARLIEST_UTC_US.cast_signed();
             if let Some(utc_ns) = utc_ns.filter(|_| is_set) {
                 sample.error_ns = Some(sample.board_ns - utc_ns(sample.sent_ns));
             }
@@ -483,7 +483,7 @@ mod tests {
 
     #[test]
     fn the_boards_own_log_adds_the_nanoseconds_and_what_it_lacks_is_told() {
-        let told = |in_log: &[u32]| {
+        let told = |in_log: &[u32], missed: u32| {
             let mut conversation = Conversation::new("one");
             for sequence in 0..4 {
                 answer(&mut conversation, sequence, UTC_US + u64::from(sequence));
@@ -493,20 +493,22 @@ mod tests {
             for n in in_log {
                 file += &format!("{n},{}\r\n", (UTC_US + u64::from(*n)) * 1_000 + 77);
             }
-            record.take_log(Ok(file.into()));
+            record.take_log(OwnLog::read(file.into(), missed));
             record
         };
-        let record = told(&[0, 1, 2, 3]);
+        let record = told(&[0, 1, 2, 3], 0);
         assert!(record.samples.iter().all(|sample| sample.is_from_log));
         assert_eq!(record.samples[3].error_ns, Some(3_077));
         assert_eq!(record.troubles, []);
         // A full log ends before the test does.
-        let record = told(&[0, 1]);
+        let record = told(&[0, 1], 2);
         assert_eq!(record.samples[1].error_ns, Some(1_077));
         assert_eq!(record.samples[2].error_ns, Some(2_000));
         assert_eq!(record.troubles, []);
-        // But has no gap.
-        assert_eq!(told(&[1, 3]).troubles, [Trouble::NotInLog(2)]);
+        // But has no gap; and one that is not full has everything.
+        assert_eq!(told(&[1, 3], 2).troubles, [Trouble::NotInLog(2)]);
+        assert_eq!(told(&[0, 1], 0).troubles, [Trouble::NotInLog(2)]);
+        assert_eq!(told(&[], 0).troubles, [Trouble::NotInLog(4)]);
     }
 
     #[test]

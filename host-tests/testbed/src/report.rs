@@ -82,6 +82,7 @@ fn introduction(experiment: &Experiment) -> Markup {
         }
         Place::Qemu => "on QEMU, with simulated receivers. Nothing here was measured on metal",
         Place::Lines => "on boards at lines of this host",
+        Place::OneLine => "on boards that hear one line of this host",
     };
     html! {
         p {
@@ -192,9 +193,13 @@ fn noise(experiment: &Experiment) -> Markup {
     html! {
         h3 { "This host’s own noise" }
         p {
-            "A difference is no better known than the moments at which two PINGs arrived. What \
-             is beyond the least round trip was lost on one of the two ways; late samples were \
-             set aside before the table was made."
+            @if experiment.place == Place::OneLine {
+                "All boards hear the same PING, so that the difference has nothing of this host in it."
+            } @else {
+                "A difference is no better known than the moments at which two PINGs arrived. What \
+                 is beyond the least round trip was lost on one of the two ways; late samples were \
+                 set aside before the table was made."
+            }
         }
         div.scroll { table {
             thead { tr {
@@ -364,6 +369,13 @@ fn beside_the_paper(experiment: &Experiment) -> Markup {
             p {
                 "From the largest to the smallest, ours come in this order: "
                 (ours.iter().map(|(way, ..)| way.to_string()).collect::<Vec<_>>().join(", ")) "."
+            }
+        }
+        @if [Way::PaperDefault, Way::PaperStep1].iter().all(|way| experiment.ways().contains(way)) {
+            p {
+                "At equal rates the paper’s default and its step I come out alike, and that is no \
+                 mistake: both read a whole message 12 ms after its first byte, the one after three \
+                 waits of 4 ms, the other after two of 6."
             }
         }
         p {

@@ -73,6 +73,8 @@ pub enum Place {
     Qemu,
     /// On lines of this host.
     Lines,
+    /// On one line of this host that all of them hear.
+    OneLine,
 }
 
 /// Every run, and how it was made.
@@ -123,8 +125,9 @@ impl Experiment {
     /// Whether every difference has nanoseconds, and not whole µs.
     #[must_use]
     pub fn is_to_the_ns(&self) -> bool {
-        let mut records = self.runs.iter().flat_map(|run| &run.records);
-        records.all(|record| record.good().all(|sample| sample.is_from_log))
+        let records = self.runs.iter().flat_map(|run| &run.records);
+        let mut good = records.flat_map(Record::good).peekable();
+        good.peek().is_some() && good.all(|sample| sample.is_from_log)
     }
 
     /// The spread of each board's error to UTC under a way, all its runs together;

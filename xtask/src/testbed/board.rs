@@ -11,21 +11,16 @@
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
-use mavlink_node::client::{Client, Heard, What};
+use mavlink_node::client::{Client, GROUND_STATION, Heard, What};
 use mavlink_node::{Address, Parameter, Test, Version};
-use testbed::Image;
+use testbed::{Image, OwnLog, SILENCE_NS};
 use timebase::{Stamp, StampedByte};
 
 use super::is_asked_to_end;
 use crate::link::Link;
 
-/// Who this host is: a ground station and the component that MAVLink gives to no device.
-pub const HERE: Address = Address {
-    system: 255,
-    component: 190,
-};
-/// How long an answer is waited for: five HEARTBEATs.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// How long an answer is waited for.
+pub const PATIENCE: Duration = Duration::from_nanos(SILENCE_NS.cast_unsigned());
 /// After how long a question is asked again.
 const AGAIN: Duration = Duration::from_millis(500);
 
@@ -48,6 +43,8 @@ pub struct Clock {
     pub is_set: bool,
     /// How long it had been up.
     pub up: Duration,
+    /// When it said so.
+    pub told: Instant,
 }
 
 /// What a board said of itself.
@@ -83,7 +80,7 @@ impl Connected {
             name,
             asking,
             hearing,
-            client: Client::new(HERE, Version::V2),
+            client: Client::new(GROUND_STATION, Version::V2),
             address: None,
             clock: None,
         }
@@ -99,24 +96,26 @@ impl Connected {
         let bytes = self.hearing.receive(&mut buffer)?;
         let stamp = Stamp(0);
         let stamped = bytes.iter().map(|&byte| StampedByte { stamp, byte });
-        let heard: Vec<Heard> = stamped
+        let mut heard: Vec<Heard> = stamped
             .filter_map(|byte| self.client.receive(byte))
             .collect();
+        let is_heartbeat = |heard: &&Heard| heard.what == What::Heartbeat;
+        if self.address.is_none() {
+            self.address = heard.iter().find(is_heartbeat).map(|heard| heard.from);
+        }
+        // Somebody else on a radio's line is no board.
+        heard.retain(|heard| self.address.is_none_or(|address| heard.from == address));
         for heard in &heard {
-            match heard.what {
-                What::Heartbeat => {
-                    self.address.get_or_insert(heard.from);
-                }
-                What::SystemTime {
-                    time_unix_usec,
-                    time_boot_ms,
-                } => {
-                    self.clock = Some(Clock {
-                        is_set: time_unix_usec > 0,
-                        up: Duration::from_millis(time_boot_ms.into()),
-                    });
-                }
-                _ => {}
+            if let What::SystemTime {
+                time_unix_usec,
+                time_boot_ms,
+            } = heard.what
+            {
+                self.clock = Some(Clock {
+                    is_set: time_unix_usec > 0,
+                    up: Duration::from_millis(time_boot_ms.into()),
+                    told: Instant::now(),
+                });
             }
         }
         Ok(heard)
@@ -158,6 +157,7 @@ impl Connected {
             }
             self.listen()?;
         }
+        check_ctrl_c()?;
         bail!(
             "no board answers at {}: nothing that is MAVLink came from there within {} s; look at \
              its power, its wiring and its baud rate, and close other programs that talk with it",
@@ -179,6 +179,7 @@ impl Connected {
             },
         )?;
         let Some(value) = answer else {
+            check_ctrl_c()?;
             bail!(
                 "{} is system {} but does not tell its parameter {}: it is no pixclock, or an \
                  old one; flash it anew",
@@ -233,7 +234,8 @@ impl Connected {
     /// # Errors
     ///
     /// When it does not give it, its line is gone, or Ctrl-C is heard.
-    pub fn own_log(&mut self, address: Address) -> Result<Vec<u8>> {
+    pub fn own_log(&mut self, address: Address) -> Result<OwnLog> {
+        let missed = self.parameter(address, Parameter::LogMissed)? as u32;
         let listed = self.ask(
             |client| client.logs(address),
             |what| match what {
@@ -244,7 +246,7 @@ impl Connected {
         let Some(size) = listed else {
             bail!("it does not list it");
         };
-        let mut file = Vec::with_capacity(size);
+        let mut file = Vec::new();
         let mut came = Instant::now();
         while file.len() < size {
             if came.elapsed() > PATIENCE || is_asked_to_end() {
@@ -255,7 +257,7 @@ impl Connected {
             self.asking.send(&request)?;
             // One piece follows the other, until one is lost on the way.
             let mut flowed = Instant::now();
-            while file.len() < size && flowed.elapsed() < AGAIN {
+            while file.len() < size && flowed.elapsed() < AGAIN && !is_asked_to_end() {
                 for heard in self.listen()? {
                     if let Some(next) = piece(&heard.what, file.len()) {
                         file.extend(next);
@@ -264,7 +266,7 @@ impl Connected {
                 }
             }
         }
-        Ok(file)
+        OwnLog::read(file, missed)
     }
 
     /// The line that it is asked over, once more.
@@ -299,4 +301,16 @@ fn piece(what: &What, offset: usize) -> Option<Vec<u8>> {
         }
         _ => None,
     }
+}
+
+/// Ends what Ctrl-C has interrupted.
+///
+/// # Errors
+///
+/// When it has.
+pub fn check_ctrl_c() -> Result<()> {
+    if is_asked_to_end() {
+        bail!("stopped by Ctrl-C before the test had begun");
+    }
+    Ok(())
 }

@@ -19,12 +19,12 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
 use indicatif::ProgressBar;
-use mavlink_node::client::Client;
-use mavlink_node::{Test, Version};
-use testbed::{Conversation, Options, Record, Run, Schedule, Way, set_aside_late};
+use mavlink_node::client::{Client, GROUND_STATION};
+use mavlink_node::{Address, Test, Version};
+use testbed::{Conversation, Options, OwnLog, Record, Run, Schedule, Way, set_aside_late};
 use timebase::{Stamp, StampedByte};
 
-use super::board::{Connected, HERE, Identity};
+use super::board::{Clock, Connected, Identity, PATIENCE, check_ctrl_c};
 use super::is_asked_to_end;
 use crate::link::Link;
 
@@ -43,6 +43,17 @@ const NAP: Duration = Duration::from_millis(200);
 pub struct Ready {
     board: Connected,
     identity: Identity,
+}
+
+impl Ready {
+    /// Tells it that the test has ended, and reads its own log.
+    fn end(&mut self) -> Result<OwnLog> {
+        let Self { board, identity } = self;
+        if !board.tell(identity.address, Test::Ends)? {
+            bail!("it did not confirm that the test has ended");
+        }
+        board.own_log(identity.address)
+    }
 }
 
 /// Learns who the boards are, and waits until each has been up for the settling time
@@ -83,18 +94,32 @@ fn get_ready(mut board: Connected, settle: Duration, began: Instant) -> Result<R
             let identity = board.identify()?;
             return Ok(Ready { board, identity });
         }
-        if is_asked_to_end() {
-            bail!("stopped by Ctrl-C before the test had begun");
+        check_ctrl_c()?;
+        if clock.is_some_and(|clock| clock.told.elapsed() > PATIENCE) {
+            bail!("{} fell silent while its clock settled", board.name);
         }
         if began.elapsed() > settle + GRACE {
-            bail!(
-                "the clock of {} was not set within {} s: give its receiver a view of the sky, look \
-                 whether it is plugged in, or wait longer with --settle",
-                board.name,
-                settle.as_secs()
-            );
+            bail!("{}", why_not_ready(&board.name, clock, settle));
         }
         board.listen()?;
+    }
+}
+
+/// Why a board is not ready after the time that it had.
+fn why_not_ready(name: &str, clock: Option<Clock>, settle: Duration) -> String {
+    match clock {
+        Some(Clock {
+            is_set: true, up, ..
+        }) => format!(
+            "{name} has been up for {} s only: it started anew while its clock settled; look at \
+             its power",
+            up.as_secs()
+        ),
+        _ => format!(
+            "the clock of {name} was not set within {} s: give its receiver a view of the sky, \
+             look whether it is plugged in, or wait longer with --settle",
+            settle.as_secs()
+        ),
     }
 }
 
@@ -187,13 +212,16 @@ pub fn run(
     for Ready { board, identity } in &mut ready {
         if !board.tell(identity.address, Test::Begins)? {
             eprintln!(
-                "{} did not confirm that a test begins: its own log has no part of it",
+                "{} did not confirm that a test begins: its own log may begin before it",
                 board.name
             );
         }
     }
-    let line = |ready: &Ready| Ok((ready.board.asking()?, ready.board.hearing()?));
-    let lines = ready.iter().map(line).collect::<Result<Vec<_>>>()?;
+    let lines = |line: fn(&Connected) -> Result<Link>| {
+        let lines = ready.iter().map(|ready| line(&ready.board));
+        lines.collect::<Result<Vec<Link>>>()
+    };
+    let (asking, hearing) = (lines(Connected::asking)?, lines(Connected::hearing)?);
     let conversations: Vec<_> = ready
         .iter()
         .map(|ready| Mutex::new(Conversation::new(&ready.board.name)))
@@ -205,15 +233,13 @@ pub fn run(
     let at_start = bar.position();
     thread::scope(|scope| {
         let is_over = &is_over;
-        let mut asked = conversations.chunks(together);
-        let lines = lines.into_iter().zip(&conversations);
-        for (index, ((asking, hearing), conversation)) in lines.enumerate() {
-            if index % together == 0
-                && let Some(asked) = asked.next()
-            {
-                scope.spawn(move || ask(schedule, asking, asked, began, is_over));
-            }
-            scope.spawn(move || hear(hearing, conversation, began, is_over));
+        let asking = asking.into_iter().step_by(together);
+        for (line, asked) in asking.zip(conversations.chunks(together)) {
+            scope.spawn(move || ask(schedule, line, asked, began, is_over));
+        }
+        for ((line, ready), conversation) in hearing.into_iter().zip(&ready).zip(&conversations) {
+            let board = ready.identity.address;
+            scope.spawn(move || hear(line, board, conversation, began, is_over));
         }
         watch(schedule, &conversations, began, &|passed_s| {
             bar.set_position(at_start + passed_s);
@@ -236,9 +262,9 @@ pub fn run(
             record
         });
     let mut records: Vec<Record> = records.collect();
-    let late_ns = records
-        .iter_mut()
-        .map(|record| set_aside_late(record).unwrap_or(0));
+    // A PING on one line is late for all of them alike.
+    let judged = records.iter_mut().filter(|_| !options.one_line);
+    let late_ns = judged.map(|record| set_aside_late(record).unwrap_or(0));
     let late_ns = late_ns.collect();
     Ok(Run {
         way,
@@ -250,34 +276,25 @@ pub fn run(
 }
 
 /// Tells the boards that the test has ended, and reads their own logs. None of a board
-/// that is gone or has lost its log to a reboot, and none after Ctrl-C.
+/// that is gone or has lost its log to a reboot, and none that Ctrl-C cut off.
 fn end(
     ready: &mut [Ready],
     conversations: &[Mutex<Conversation>],
     now_ns: i64,
-) -> Vec<Option<Result<Vec<u8>>>> {
+) -> Vec<Option<Result<OwnLog>>> {
     thread::scope(|scope| {
         let mut reading = Vec::new();
-        for (Ready { board, identity }, conversation) in ready.iter_mut().zip(conversations) {
+        for (ready, conversation) in ready.iter_mut().zip(conversations) {
             let is_over = conversation
                 .lock()
                 .is_ok_and(|mut conversation| conversation.is_over(now_ns));
-            reading.push(scope.spawn(move || {
-                if is_over {
-                    return None;
-                }
-                if !board.tell(identity.address, Test::Ends).unwrap_or(false) {
-                    eprintln!(
-                        "{} did not confirm that the test has ended: its own log may go on",
-                        board.name
-                    );
-                    return None;
-                }
-                let log = board.own_log(identity.address);
-                (!is_asked_to_end()).then_some(log)
-            }));
+            reading.push((!is_over).then(|| scope.spawn(move || ready.end())));
         }
-        let read = reading.into_iter().map(|board| board.join().ok().flatten());
+        let read = reading.into_iter().map(|board| {
+            let log = board?.join();
+            let log = log.unwrap_or_else(|_| bail!("its thread panicked"));
+            (log.is_ok() || !is_asked_to_end()).then_some(log)
+        });
         read.collect()
     })
 }
@@ -313,7 +330,7 @@ fn ask(
     began: Instant,
     is_over: &AtomicBool,
 ) {
-    let mut client = Client::new(HERE, Version::V2);
+    let mut client = Client::new(GROUND_STATION, Version::V2);
     for (sequence, at) in schedule.pings() {
         let due = began + Duration::from_nanos(at);
         while let Some(left) = due
@@ -342,8 +359,14 @@ fn ask(
 }
 
 /// Notes what the board says.
-fn hear(mut link: Link, conversation: &Mutex<Conversation>, began: Instant, is_over: &AtomicBool) {
-    let mut client = Client::new(HERE, Version::V2);
+fn hear(
+    mut link: Link,
+    board: Address,
+    conversation: &Mutex<Conversation>,
+    began: Instant,
+    is_over: &AtomicBool,
+) {
+    let mut client = Client::new(GROUND_STATION, Version::V2);
     let mut buffer = [0; 1_024];
     while !is_over.load(Ordering::Relaxed) {
         let received = link.receive(&mut buffer);
@@ -357,7 +380,9 @@ fn hear(mut link: Link, conversation: &Mutex<Conversation>, began: Instant, is_o
         };
         let stamp = Stamp(0);
         for &byte in bytes {
-            if let Some(heard) = client.receive(StampedByte { stamp, byte }) {
+            if let Some(heard) = client.receive(StampedByte { stamp, byte })
+                && heard.from == board
+            {
                 conversation.heard(now_ns, &heard.what);
             }
         }

@@ -119,6 +119,17 @@ pub enum What {
     },
 }
 
+/// Who a tool on a host is: a ground station's system, and the component that MAVLink gives
+/// to no device (MAV_COMP_ID_MISSIONPLANNER).
+pub const GROUND_STATION: Address = Address {
+    system: 255,
+    component: 190,
+};
+
+/// A node's time in µs below this is a time since boot: 2016-01-01, before which no node
+/// sets its clock.
+pub const EARLIEST_UTC_US: u64 = 1_451_606_400_000_000;
+
 /// Bytes of a log in one LOG_DATA.
 pub const LOG_DATA_LEN: usize = 90;
 

@@ -24,9 +24,11 @@ use console::Status;
 use fastrand::Rng;
 use fat_image::Kind;
 use indicatif::ProgressBar;
-use mavlink_node::client::Client;
-use mavlink_node::{Address, Test, Version};
-use testbed::{Boards, Conversation, Keeper, Options, Place, Record, Run, Schedule, Way, progress};
+use mavlink_node::client::{Client, GROUND_STATION, Heard, What};
+use mavlink_node::{Address, Frame, Parameter, Test, Version};
+use testbed::{
+    Boards, Conversation, Keeper, Options, OwnLog, Place, Record, Run, Schedule, Way, progress,
+};
 use timebase::{Stamp, StampedByte};
 use virtual_pixhawk::{Builder, Card, Connector, Firmware, Gaps, Pixhawk, Script};
 use world::{Pulses, Receiver, ReceiverSettings, Transmission, WorldNanos};
@@ -46,20 +48,15 @@ const RECEIVER_PPB: i32 = 1_000;
 /// How long before the first PING a board is told that a test begins, and how long after
 /// the last one that it ends, in ns.
 const ASIDE_NS: u64 = SECOND / 2;
-/// How long a board is listened to after the last PING, in ns: for its last answers, its
+/// How long a board is listened to after the last PING, in s: for its last answers, its
 /// next status line, and until its card has a full log, which takes 1.4 s.
-const AFTERWARDS_NS: u64 = 3 * SECOND;
-/// The laptop: a ground station and the component that MAVLink gives to no device.
-const LAPTOP: Address = Address {
-    system: 255,
-    component: 190,
-};
+const AFTERWARDS_S: u32 = 3;
 /// A board, as it is flashed.
 const BOARD: Address = Address {
     system: 1,
     component: 1,
 };
-/// What an empty card gets.
+/// The name of the first log on an empty card.
 const LOG_FILE: &str = "TEST0001.CSV";
 
 static ASKED_TO_END: AtomicBool = AtomicBool::new(false);
@@ -94,7 +91,8 @@ fn run(options: &Options) -> anyhow::Result<ExitCode> {
     ctrlc::set_handler(|| ASKED_TO_END.store(true, Ordering::Relaxed))?;
     let ways = options.ways();
     let mut keeper = Keeper::new(options, Place::Virtual, conditions(options))?;
-    let each_s = u64::from(options.settle) + u64::from(options.duration) + 1;
+    // The first second is the one in which the boards get power.
+    let each_s = 1 + u64::from(options.settle + options.duration + AFTERWARDS_S);
     let bar = progress::bar(each_s * ways.len() as u64 * options.seeds);
     'all: for way in ways {
         for seed in options.seeds() {
@@ -242,14 +240,16 @@ impl Lab {
         let mut conversation = Conversation::new(&self.name);
         let begins = self.test_ns - self.power_ns;
         let ends = begins + u64::from(self.schedule.duration_s) * SECOND;
+        let over = ends + u64::from(AFTERWARDS_S) * SECOND;
         let since_test = |at: u64| at.cast_signed() - begins.cast_signed();
         let mut to_ask = pings(self.schedule, begins).into_iter().peekable();
         let mut sequences = self.schedule.pings();
-        let mut client = Client::new(LAPTOP, Version::V2);
+        let mut client = Client::new(GROUND_STATION, Version::V2);
         let mut line_full = 0;
+        let mut log_missed = 0;
         let mut board = self.builder.power_on()?;
-        while board.now().0 < ends + AFTERWARDS_NS && !ASKED_TO_END.load(Ordering::Relaxed) {
-            board.run_for(SECOND.min(ends + AFTERWARDS_NS - board.now().0))?;
+        while board.now().0 < over && !ASKED_TO_END.load(Ordering::Relaxed) {
+            board.run_for(SECOND.min(over - board.now().0))?;
             let now = board.now();
             while let Some(ping) = to_ask.next_if(|ping| ping.start <= now)
                 && let Some((sequence, _)) = sequences.next()
@@ -259,8 +259,13 @@ impl Lab {
             for heard in board.take_heard(Connector::Telem1)? {
                 let stamp = Stamp((heard.at.0 / 6) as u32);
                 let byte = heard.byte;
-                if let Some(heard_now) = client.receive(StampedByte { stamp, byte }) {
-                    conversation.heard(since_test(heard.at.0), &heard_now.what);
+                if let Some(Heard { what, .. }) = client.receive(StampedByte { stamp, byte }) {
+                    conversation.heard(since_test(heard.at.0), &what);
+                    if let What::Parameter { name, value, .. } = what
+                        && Parameter::named(name) == Some(Parameter::LogMissed)
+                    {
+                        log_missed = value as u32;
+                    }
                 }
             }
             let log = board.take_log()?;
@@ -287,7 +292,7 @@ impl Lab {
             ..conversation.end(Some(&utc_ns))
         };
         if !ASKED_TO_END.load(Ordering::Relaxed) {
-            record.take_log(own_log(&mut board));
+            record.take_log(own_log(&mut board, log_missed));
         }
         Ok(Life {
             record,
@@ -296,33 +301,37 @@ impl Lab {
     }
 }
 
-/// The file on the card in a board's slot.
-fn own_log(board: &mut Pixhawk) -> anyhow::Result<Vec<u8>> {
+/// What is on the card in a board's slot.
+fn own_log(board: &mut Pixhawk, missed: u32) -> anyhow::Result<OwnLog> {
     let card = board.swap_card(None)?.context("its slot is empty")?;
-    let file = fat_image::contents(&mut card.image(), LOG_FILE);
-    file.with_context(|| format!("no {LOG_FILE} on its card"))
+    let file = fat_image::contents(&mut card.image(), LOG_FILE)
+        .with_context(|| format!("no {LOG_FILE} on its card"))?;
+    OwnLog::read(file, missed)
 }
 
 /// All that a board is asked: what tells it of the test, and the PINGs between.
 fn asked(schedule: Schedule, begins: u64) -> Vec<Transmission> {
-    let mut client = Client::new(LAPTOP, Version::V2);
-    let mut tell = |test, start| Transmission {
+    let mut client = Client::new(GROUND_STATION, Version::V2);
+    let leaves = |start: u64, frame: Frame| Transmission {
         start: WorldNanos(start),
-        bytes: client.test(BOARD, test).to_vec(),
+        bytes: frame.to_vec(),
         baud: BAUD,
     };
     let ends = begins + u64::from(schedule.duration_s) * SECOND;
-    let mut asked = vec![tell(Test::Begins, begins - ASIDE_NS)];
+    let mut asked = vec![leaves(begins - ASIDE_NS, client.test(BOARD, Test::Begins))];
     asked.extend(pings(schedule, begins));
-    asked.push(tell(Test::Ends, ends + ASIDE_NS));
+    asked.push(leaves(ends + ASIDE_NS, client.test(BOARD, Test::Ends)));
+    let log_missed = client.parameter(BOARD, Parameter::LogMissed);
+    asked.push(leaves(ends + 2 * ASIDE_NS, log_missed));
     asked
 }
 
 /// The laptop's PINGs, the test beginning at `begins`, in the world's ns since the
-/// board's power.
+/// board's power. Those that the line has no room for until the test's end are not sent.
 fn pings(schedule: Schedule, begins: u64) -> Vec<Transmission> {
-    let mut client = Client::new(LAPTOP, Version::V2);
+    let mut client = Client::new(GROUND_STATION, Version::V2);
     let mut free = WorldNanos(0);
+    let ends = begins + u64::from(schedule.duration_s) * SECOND;
     let pings = schedule.pings().map(|(sequence, at)| {
         let transmission = Transmission {
             start: WorldNanos(begins + at).max(free),
@@ -332,5 +341,5 @@ fn pings(schedule: Schedule, begins: u64) -> Vec<Transmission> {
         free = transmission.end();
         transmission
     });
-    pings.collect()
+    pings.take_while(|ping| ping.start.0 < ends).collect()
 }

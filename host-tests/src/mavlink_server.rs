@@ -49,6 +49,10 @@ pub enum Mishap {
     LosesReceiver,
     /// It says nothing any more.
     FallsSilent,
+    /// The third piece of its log is lost on the way.
+    LosesALogPiece,
+    /// It does not hear that the test ends.
+    MissesTheEnd,
 }
 
 impl From<Clock> for Behaviour {
@@ -101,6 +105,8 @@ fn converse(mut stream: TcpStream, mut behaviour: Behaviour) -> io::Result<()> {
         ..GpsFix::NONE
     };
     let mut is_silent = false;
+    let mut misses_the_end = false;
+    let mut pieces_until_lost: Option<u32> = None;
     let mut buffer = [0; 512];
     stream.set_nodelay(true)?;
     stream.set_read_timeout(Some(Duration::from_millis(5)))?;
@@ -112,9 +118,12 @@ fn converse(mut stream: TcpStream, mut behaviour: Behaviour) -> io::Result<()> {
             Some((_, Mishap::Reboots)) => {
                 (boot, node) = (Instant::now(), Node::new(config));
                 (next_second, set_again) = (Duration::ZERO, SET_AGAIN);
+                held.log.clear();
             }
             Some((_, Mishap::LosesReceiver)) => fix = GpsFix::NONE,
             Some((_, Mishap::FallsSilent)) => is_silent = true,
+            Some((_, Mishap::LosesALogPiece)) => pieces_until_lost = Some(2),
+            Some((_, Mishap::MissesTheEnd)) => misses_the_end = true,
             None => {}
         }
         let clock = if boot.elapsed() < set_again {
@@ -144,9 +153,12 @@ fn converse(mut stream: TcpStream, mut behaviour: Behaviour) -> io::Result<()> {
         for &byte in bytes {
             let stamp = now.stamp();
             if let Some(request) = node.receive(StampedByte { stamp, byte }, now) {
-                let is_begin = |command: Command| command.meaning == Ok(Test::Begins);
-                if matches!(request.ask, Ask::Command(command) if is_begin(command)) {
+                let is = |test| matches!(request.ask, Ask::Command(command) if command.meaning == Ok(test));
+                if is(Test::Begins) {
                     test_began = Some(Instant::now());
+                }
+                if is(Test::Ends) && misses_the_end {
+                    continue;
                 }
                 let ago = boot
                     .elapsed()
@@ -159,7 +171,17 @@ fn converse(mut stream: TcpStream, mut behaviour: Behaviour) -> io::Result<()> {
             }
         }
         while let Some(frame) = node.poll(&held) {
-            stream.write_all(&frame)?;
+            let is_lost = match pieces_until_lost {
+                // Pieces of a log are as long as frames come.
+                Some(left) if frame.len() > 90 => {
+                    pieces_until_lost = left.checked_sub(1);
+                    left == 0
+                }
+                _ => false,
+            };
+            if !is_lost {
+                stream.write_all(&frame)?;
+            }
         }
     }
 }

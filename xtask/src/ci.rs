@@ -3,13 +3,14 @@
 //! *Design.* The quick checks come first. Each step is a command that a person can
 //! give alone; its name and its time are printed.
 
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use console::Way;
+use serde_json::Value;
 
-use crate::image::{TARGET, cargo, run};
+use crate::image::{TARGET, cargo, run, target_dir};
 
 /// Runs every check, and stops at the first that fails.
 ///
@@ -68,8 +69,10 @@ pub fn run_all() -> Result<()> {
             .args(["testbed", "--check", "--duration", "60", "--way"])
             .arg(JUDGED_WAYS),
     )?;
+    the_same_files_again()?;
     step("cost", xtask().arg("bench"))?;
     step("sim", xtask().args(["sim", "--duration", "10"]))?;
+    sim_follows_a_pulse()?;
     step("qemu", xtask().args(["qemu", "--duration", "10"]))?;
     step(
         "qemu in one of the paper's ways",
@@ -83,6 +86,44 @@ pub fn run_all() -> Result<()> {
 
 /// The ways of the testbed that have bounds.
 const JUDGED_WAYS: &str = "paper-default-mixed,paper-step1,paper-step2:50,pixclock,pixclock-pps";
+
+/// Runs a short experiment twice: its folders have to be the same, byte for byte.
+fn the_same_files_again() -> Result<()> {
+    let place = target_dir()?.join("same-files");
+    let folders = ["one", "other"].map(|name| place.join(name));
+    for folder in &folders {
+        // Of an earlier call.
+        let _ = std::fs::remove_dir_all(folder);
+        step(
+            "a short experiment",
+            xtask()
+                .args(["testbed", "--duration", "10", "--settle", "10"])
+                .args(["--way", "paper-default-mixed,pixclock-pps", "--out"])
+                .arg(folder),
+        )?;
+    }
+    let mut compare = Command::new("diff");
+    step(
+        "the same files again",
+        compare.arg("--recursive").args(folders),
+    )
+}
+
+/// Runs a virtual board with a pulse, which has to steer its clock in the end.
+fn sim_follows_a_pulse() -> Result<()> {
+    println!("== sim with a pulse");
+    let output = xtask()
+        .args(["sim", "--pulse", "--duration", "15", "--json"])
+        .stderr(Stdio::inherit())
+        .output()?;
+    let told: Value = serde_json::from_slice(&output.stdout)?;
+    let source = &told["boards"][0]["last_status"]["source"];
+    ensure!(
+        output.status.success() && source == "pulse",
+        "step `sim with a pulse`: {source} steers"
+    );
+    Ok(())
+}
 
 /// What makes clippy fail on a warning.
 const DENY_WARNINGS: [&str; 3] = ["--", "--deny", "warnings"];

@@ -190,15 +190,51 @@ fn a_board_that_reboots_is_told_and_what_it_said_before_is_kept() {
     behaviours[1].mishap = Some((Duration::from_secs(3), Mishap::Reboots));
     let output = testbed(&boards(&behaviours), 30, &out, &[]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(
-        told(&output).contains("it rebooted 2."),
-        "{}",
-        told(&output)
-    );
+    assert!(told(&output).contains("it rebooted "), "{}", told(&output));
     let summary = summary(&output);
     // Until then 50 a second, and no sample from after.
     assert!((100..=150).contains(&used(&summary, 1)), "{summary:#}");
     assert!(summary["ways"][0]["runs"][0]["lasted_s"].as_u64() < Some(10));
+}
+
+#[test]
+fn a_piece_of_a_log_that_is_lost_is_asked_for_again() {
+    let (_kept, out) = folder();
+    let mut behaviours = behaviours();
+    behaviours[0].mishap = Some((Duration::ZERO, Mishap::LosesALogPiece));
+    let output = testbed(&boards(&behaviours), 2, &out, &[]);
+    assert_eq!(output.status.code(), Some(0), "{}", told(&output));
+    let summary = summary(&output);
+    let boards = &summary["ways"][0]["runs"][0]["boards"];
+    assert_eq!(boards[0]["in_own_log"], boards[0]["answered"]);
+    // Byte for byte as the other one, whose log came at once, but for its times.
+    let log = |n: u32| {
+        let file = out.join(format!("pixclock/seed-1/log-{n}.csv"));
+        std::fs::read_to_string(file).expect("a log")
+    };
+    assert_eq!(log(1).len(), log(2).len());
+    assert_eq!(lines(&out.join("pixclock/seed-1/log-1.csv")), 101);
+}
+
+#[test]
+fn a_log_that_is_not_to_be_had_is_told_and_its_answers_are_kept() {
+    let (_kept, out) = folder();
+    let mut behaviours = behaviours();
+    behaviours[1].mishap = Some((Duration::ZERO, Mishap::MissesTheEnd));
+    // What an earlier test has left.
+    let stale = out.join("pixclock/seed-1/log-2.csv");
+    std::fs::create_dir_all(stale.parent().expect("its folder")).expect("a folder");
+    std::fs::write(&stale, "old").expect("a file");
+    let output = testbed(&boards(&behaviours), 2, &out, &[]);
+    assert_eq!(output.status.code(), Some(1));
+    let told = told(&output);
+    assert!(
+        told.contains("did not confirm that the test has ended"),
+        "{told}"
+    );
+    let summary = summary(&output);
+    assert_eq!(summary["ways"][0]["runs"][0]["boards"][1]["answered"], 100);
+    assert!(!stale.exists());
 }
 
 #[test]

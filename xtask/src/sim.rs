@@ -16,9 +16,9 @@ use crate::tool;
 pub fn run(options: &SimOptions, arguments: &[String]) -> Result<ExitCode> {
     let mut command = Command::new(tool::build("sim")?);
     command.args(arguments);
-    if options.run.image.is_none() {
+    if options.shared.image.is_none() {
         let image = image::build(Variant {
-            way: options.run.way(),
+            way: options.shared.way(),
             ..Variant::standard(Board::Pixhawk1)
         })?;
         command.arg("--image").arg(image);

@@ -1,9 +1,10 @@
-//! The options that `sim` and `qemu` share.
+//! The options of `sim` and `qemu`.
 //!
 //! *Purpose.* One place where they are named, checked and explained.
 //!
-//! *Design.* A clap [`Args`], and another one around it for what QEMU has not. Whoever builds the image reads the same struct for
-//! `--tick-us` and hands the built image over with `--image`.
+//! *Design.* [`Options`] is what the two share, [`SimOptions`] adds what only `sim` has.
+//! Whoever builds the image reads the same struct for `--tick-us` and hands the built
+//! image over with `--image`.
 //!
 //! *Limits.* A wrong option ends the program with exit code 2 and says what is
 //! allowed; files are opened later, by whoever needs them.
@@ -82,7 +83,7 @@ pub struct Options {
 pub struct SimOptions {
     /// What `qemu` can be asked for, too.
     #[command(flatten)]
-    pub run: Options,
+    pub shared: Options,
 
     /// Wire the simulated receiver's time pulse to the board, too
     #[arg(long, conflicts_with_all = ["ubx", "way"])]

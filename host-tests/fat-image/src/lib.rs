@@ -1,12 +1,13 @@
 //! Images of memory cards, made and read by `fatfs`: another hand than the firmware's.
 //!
-//! *Purpose.* A test formats a card with it, lets the firmware write to it, and reads the files.
+//! *Purpose.* A card is formatted with it, the firmware writes to it, and the files are read.
 //!
-//! *Limits.* For tests: what cannot be done is a panic, but for [`contents`], which a tool uses.
+//! *Limits.* What cannot be done is a panic, but for reading with [`contents`]: of formatting only
+//! the machine's memory can be in the way, and of the rest tests are the only users.
 #![expect(
     clippy::unwrap_used,
     clippy::missing_panics_doc,
-    reason = "tests are its only users, and a panic fails them"
+    reason = "in memory formatting cannot fail, and the rest is for tests, which a panic fails"
 )]
 
 use std::collections::BTreeMap;

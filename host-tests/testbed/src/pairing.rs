@@ -4,9 +4,10 @@
 //!
 //! *Design.* Samples are paired by the PING's number. Where a host sends, two PINGs of
 //! one number do not leave at quite the same moment: the difference of their sending
-//! times is taken off. Where one of the two times has whole µs, whole µs are compared. A PING whose round trip was long may have waited on its way to
-//! the board, so that its moment of arrival is not known: [`set_aside_late`] takes those
-//! out, board by board. Every board is held against the first.
+//! times is taken off. Where one of the two times has whole µs, whole µs are compared.
+//! A PING whose round trip was long may have waited on its way to the board, so that its
+//! moment of arrival is not known: [`set_aside_late`] takes those out, board by board.
+//! Every board is held against the first.
 //!
 //! *Limits.* What both ways have in common, and a difference between the two boards'
 //! ways there that is always the same, no round trip tells.

@@ -65,6 +65,7 @@ pub struct Card {
     blocks: usize,
     is_first_version: bool,
     is_write_protected: bool,
+    serial: u32,
     busy_ns: u64,
     faults: BTreeMap<(Transfer, u64), Fault>,
     transfers: [u64; 2],
@@ -98,6 +99,7 @@ impl Card {
             blocks,
             is_first_version: false,
             is_write_protected: false,
+            serial: 0,
             busy_ns: BUSY_NS,
             faults: BTreeMap::new(),
             transfers: [0; 2],
@@ -113,6 +115,13 @@ impl Card {
     #[must_use]
     pub const fn write_protected(mut self) -> Self {
         self.is_write_protected = true;
+        self
+    }
+
+    /// Gives it a serial number: cards that have none are taken for one and the same.
+    #[must_use]
+    pub const fn with_serial(mut self, serial: u32) -> Self {
+        self.serial = serial;
         self
     }
 
@@ -237,6 +246,11 @@ impl sd::Card for Slot {
                 Answer::Short(conditions)
             }
             Answer::Long(csd) if index == command::SEND_CSD => Answer::Long(card.described(csd)),
+            // 5.2: the serial number is in bits 24 to 55.
+            Answer::Long([first, second, third, last]) if index == command::ALL_SEND_CID => {
+                let (high, low) = (card.serial >> 8, card.serial << 24);
+                Answer::Long([first, second, third ^ high, last ^ low])
+            }
             other => other,
         }
     }

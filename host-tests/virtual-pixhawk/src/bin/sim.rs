@@ -41,10 +41,10 @@ struct Sim {
 
 fn main() -> ExitCode {
     let Sim { options } = Sim::parse();
-    let Some(image) = options.run.image.as_deref() else {
+    let Some(image) = options.shared.image.as_deref() else {
         wrong_usage("--image PATH is missing; `cargo xtask sim` builds the image and fills it in")
     };
-    let recording = options.run.ubx.as_deref().map(|path| {
+    let recording = options.shared.ubx.as_deref().map(|path| {
         read_recording(path).unwrap_or_else(|error| wrong_usage(&format!("--ubx: {error:#}")))
     });
     match run(&options, image, recording.as_ref()) {
@@ -69,7 +69,7 @@ fn read_recording(path: &Path) -> anyhow::Result<Recording> {
 
 /// Runs all boards until the end of `--duration` or Ctrl-C.
 fn run(sim: &SimOptions, image: &Path, recording: Option<&Recording>) -> anyhow::Result<ExitCode> {
-    let options = &sim.run;
+    let options = &sim.shared;
     static ASKED_TO_END: AtomicBool = AtomicBool::new(false);
     ctrlc::set_handler(|| ASKED_TO_END.store(true, Ordering::Relaxed))?;
 
@@ -135,7 +135,7 @@ fn power_on(
 ) -> anyhow::Result<Pixhawk> {
     let builder = Builder::new(firmware.clone())
         .crystal_ppb(CRYSTALS_PPB[usize::from(index) % CRYSTALS_PPB.len()])
-        .telem1(TcpLine::listen(sim.run.mavlink_port_of(index))?);
+        .telem1(TcpLine::listen(sim.shared.mavlink_port_of(index))?);
     let builder = match recording {
         Some(recording) => builder.gps(recording.clone()),
         None => {
@@ -156,7 +156,7 @@ fn power_on(
 
 /// Says what runs and where it can be talked to.
 fn announce(sim: &SimOptions, utc_at_start: UtcNanos) -> anyhow::Result<()> {
-    let options = &sim.run;
+    let options = &sim.shared;
     let source = match &options.ubx {
         Some(path) => format!("the recording {}", path.display()),
         None => {

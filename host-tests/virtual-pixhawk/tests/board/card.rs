@@ -221,6 +221,39 @@ fn every_trouble_is_told_by_its_kind_and_a_good_card_then_gets_all_of_it() {
     }
 }
 
+#[test]
+fn a_card_that_takes_the_place_of_another_in_mid_file_stays_as_it_was() {
+    let Some(firmware) = image() else { return };
+    let mut other = fat_image::formatted(Kind::Fat16);
+    fat_image::put(&mut other, "holiday.jpg", 300_000);
+    let slow = Card::holding(&fat_image::formatted(Kind::Fat16)).busy_for_ns(20 * MS);
+    let again = [WorldNanos(8 * SECOND)];
+    let mut board = after_a_test(&firmware, Some(slow), &again);
+    // Some blocks have been written, some have not.
+    board.run_to(WorldNanos(5_300 * MS)).unwrap();
+    assert_eq!(said_of_the_card(&mut board), [""; 0]);
+    let swapped = Card::holding(&other).with_serial(7);
+    let first = board.swap_card(Some(swapped)).unwrap().unwrap();
+    assert!(first.transfers(Transfer::Write) > 0);
+    board.run_to(WorldNanos(7 * SECOND)).unwrap();
+    let expected = "the log is not saved: Pulled";
+    assert_eq!(said_of_the_card(&mut board), [expected]);
+    let swapped = board.swap_card(None).unwrap().unwrap();
+    assert_eq!(swapped.transfers(Transfer::Write), 0);
+    assert!(swapped.image() == other);
+    // Asked for once more it gets its own file, beside what it holds.
+    board.swap_card(Some(swapped)).unwrap();
+    board.run_to(WorldNanos(10 * SECOND)).unwrap();
+    assert_eq!(
+        said_of_the_card(&mut board),
+        ["the log is saved: file 1, samples 40"]
+    );
+    let files = fat_image::files(&board.swap_card(None).unwrap().unwrap().image());
+    assert_eq!(files["holiday.jpg"].contents.len(), 300_000);
+    let answers = ping_answers(&board.take_heard(Connector::Telem1).unwrap());
+    assert_is_the_log(&files[FIRST_FILE].contents, &answers);
+}
+
 /// PINGs come so far apart, and the last one so long after the test's end, in the runs with a full log.
 const APART_NS: u64 = 3 * MS;
 const FULL: u64 = 8_192;

@@ -111,6 +111,28 @@ fn it_locks_after_five_pulses_and_steps_forward_over_the_latency() {
 }
 
 #[test]
+fn a_latency_that_was_set_wrong_does_not_keep_the_pulse_out() {
+    let mut faults = Faults::default();
+    for (seed, wrong_ns) in SEEDS.zip([-30 * MS, -25 * MS, 25 * MS, 60 * MS, 90 * MS]) {
+        let mut scene = scene(seed);
+        let set_ns = u32::try_from(scene.floor_ns() + wrong_ns).expect("no less than 0");
+        scene.settings = scene.settings.with_latency_ns(set_ns);
+        let line = Published::new();
+        let mut play = scene.play(&line);
+        // It is ahead by what was set too much, and slews that away at 400 ppm.
+        let slewed_s = (wrong_ns.max(0) as f64 / 400e-6 / 1e9) as i64;
+        let over_s = FROM_S + slewed_s + 60;
+        play.until((over_s + 60) * SECOND);
+        let (source, worst) = (play.board.clock.source(), worst_since(&play, over_s));
+        faults.unless(
+            source == Source::Pulse && worst <= MAX_NS,
+            format!("seed {seed}, {wrong_ns} ns: {source:?}, {worst} ns"),
+        );
+    }
+    faults.none();
+}
+
+#[test]
 fn it_is_followed_in_phase_and_frequency() {
     let constant = (Ramp::None, 22, 130);
     let ramp = Ramp::Constant {

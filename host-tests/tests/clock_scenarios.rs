@@ -58,24 +58,21 @@ fn it_tells_the_time_since_boot_until_the_first_good_mark_sets_it() {
 
 #[test]
 fn a_known_latency_is_taken_off() {
-    let settings = Settings {
-        latency_ns: 40_000_000,
-        latency_doubt_ns: 5_000_000,
-        ..Settings::DEFAULT
-    };
+    let settings = Settings::DEFAULT.with_latency_ns(40_000_000);
     let line = Published::new();
     let mut board = Board::new(settings, 0.0, &line);
     board.hear(epoch(1), PERIOD + FLOOR);
     board.pass_lead();
     assert!(board.error_ns().abs() <= 10);
     // A single mark may be late by all that receivers were seen to be.
-    assert!(board.read().uncertainty_ns >= 5_000_000 + 91_000_000);
+    assert!(board.read().uncertainty_ns >= 10_000_000 + 91_000_000);
     for number in 2..300 {
         board.hear(epoch(number), number * PERIOD + FLOOR);
     }
     assert!(board.error_ns().abs() <= 10);
-    // What is left is the doubt about the latency, and less than 1 ms of its own.
-    assert!((5_000_000..6_000_000).contains(&board.read().uncertainty_ns));
+    // What is left is the doubt about the latency, 10 ms once it is set as when it was
+    // learnt, and less than 1 ms of its own.
+    assert!((10_000_000..11_000_000).contains(&board.read().uncertainty_ns));
 }
 
 #[test]

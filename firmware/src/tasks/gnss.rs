@@ -60,10 +60,7 @@ struct Receiver {
 
 impl Receiver {
     fn new() -> Self {
-        let settings = Settings {
-            latency_ns: settings::LATENCY_NS,
-            ..Settings::DEFAULT
-        };
+        let settings = Settings::DEFAULT.with_latency_ns(settings::LATENCY_NS);
         Self {
             link: Link::new(),
             configuration: Configuration::new(),

@@ -29,7 +29,7 @@ use core::sync::atomic::AtomicU32;
 use timebase::{CORE_HZ, Cycles, PulseForecast, PulseMark, TimeMark};
 
 use crate::counters::bump;
-use crate::discipline::{Correction, Course, Discipline, Observation};
+use crate::discipline::{Correction, Course, Discipline, LEARNT_DOUBT_NS, Observation};
 use crate::gate::Gate;
 use crate::holdover::Doubt;
 use crate::model;
@@ -108,6 +108,20 @@ impl Settings {
         frequency: Ppb(0),
         frequency_doubt: Ppb::from_ppm(50),
     };
+
+    /// The same for a receiver whose latency was measured, in ns, and is known as well as one
+    /// that is learnt under a pulse; 0 leaves it unknown.
+    #[must_use]
+    pub const fn with_latency_ns(self, latency_ns: u32) -> Self {
+        if latency_ns == 0 {
+            return self;
+        }
+        Self {
+            latency_ns,
+            latency_doubt_ns: LEARNT_DOUBT_NS,
+            ..self
+        }
+    }
 }
 
 impl Default for Settings {

@@ -48,12 +48,12 @@ pub const CRYSTAL_PPB: f32 = 2_000_000.0;
 /// real receivers wander.
 pub const LEARNT_DOUBT_NS: u32 = 10_000_000;
 
+/// A pulse that would have a learnt latency off by more is off the second: twice its doubt, in ns.
+const LEARNT_OFF_NS: i64 = 2 * LEARNT_DOUBT_NS as i64;
+
 /// Latencies that a receiver can have: none is negative, but the messages' floor may not have been
 /// found yet; and none measured was longer than 185 ms.
 const LATENCIES_NS: (i64, i64) = (-20_000_000, 300_000_000);
-
-/// A latency that is known so well tells a pulse off the second, in ns.
-const KNOWN_NS: u32 = 60_000_000;
 
 /// Floors wander by 10 ms; a pulse that moves farther against the messages than this is not the
 /// receiver's.
@@ -314,9 +314,9 @@ impl Discipline {
             .saturating_add(since_ns)
             .saturating_sub(rise_ns)
             .saturating_add(self.latency_ns);
-        let plausible_ns = if self.latency_doubt_ns < KNOWN_NS {
-            let around_ns = i64::from(self.latency_doubt_ns) + i64::from(LEARNT_DOUBT_NS);
-            (-around_ns, around_ns)
+        // A latency that somebody has set may be another receiver's; one that was learnt is ours.
+        let plausible_ns = if self.latency_at_lock_ns.is_some() {
+            (-LEARNT_OFF_NS, LEARNT_OFF_NS)
         } else {
             (
                 LATENCIES_NS.0 - self.latency_ns,

@@ -69,6 +69,15 @@ pub fn run_all() -> Result<()> {
             .args(["testbed", "--check", "--duration", "60", "--way"])
             .arg(JUDGED_WAYS),
     )?;
+    // As many PINGs as no board may lose one of, and more than the line carries.
+    for rate in ["100", "1000"] {
+        step(
+            &format!("{rate} PINGs a second"),
+            xtask()
+                .args(["testbed", "--check", "--duration", "10", "--settle", "30"])
+                .args(["--way", "pixclock", "--rate", rate]),
+        )?;
+    }
     the_same_files_again()?;
     step("cost", xtask().arg("bench"))?;
     step("sim", xtask().args(["sim", "--duration", "10"]))?;

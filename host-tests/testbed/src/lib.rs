@@ -13,6 +13,7 @@
 //! have whole µs; the boards' own logs, where they are at hand, have ns.
 
 pub mod bounds;
+mod conversation;
 mod ending;
 mod files;
 mod options;
@@ -27,12 +28,13 @@ mod schedule;
 mod statistics;
 mod way;
 
+pub use conversation::{Conversation, SILENCE_NS};
 pub use ending::{Keeper, text};
 pub use files::{Folder, summary};
 pub use options::{Boards, Crystals, Options, Receivers};
 pub use own_log::OwnLog;
 pub use pairing::{Difference, differences, set_aside_late};
-pub use record::{Conversation, Record, SILENCE_NS, Sample, Trouble, Verdict};
+pub use record::{Record, Sample, Trouble, Verdict};
 pub use run::{Experiment, Place, Run};
 pub use schedule::Schedule;
 pub use statistics::{Estimate, Spread};

@@ -6,22 +6,12 @@
 //!
 //! *Limits.* Skipped, and says so, where `PIXCLOCK_CAPTURES` is not set.
 
-use std::path::PathBuf;
-
+use host_tests::captures;
 use host_tests::clock_board::Board;
 use timebase::{StampedByte, TimeMark};
 use ubx_link::{Event, Link};
 use utc_clock::{ClockState, Outcome, Published, Refusal, Settings};
 use world::{Recording, Talker, ubx};
-
-fn capture(name: &str) -> Option<Vec<u8>> {
-    let Some(folder) = std::env::var_os("PIXCLOCK_CAPTURES") else {
-        println!("SKIPPED: PIXCLOCK_CAPTURES is not set, {name} is not replayed");
-        return None;
-    };
-    let path = PathBuf::from(folder).join(name);
-    Some(std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display())))
-}
 
 /// Each mark of the recording with what it did to the clock.
 fn replay(file: &[u8], board: &mut Board<'_>) -> Vec<(TimeMark, Outcome)> {
@@ -54,7 +44,7 @@ fn replay(file: &[u8], board: &mut Board<'_>) -> Vec<(TimeMark, Outcome)> {
 
 #[test]
 fn a_cold_start_sets_the_clock_when_the_receiver_is_sure_and_not_before() {
-    let Some(file) = capture("ubx-nav-solutions/coldstart-first-400kB.ubx") else {
+    let Some(file) = captures::file("ubx-nav-solutions/coldstart-first-400kB.ubx") else {
         return;
     };
     let valid: Vec<u8> = ubx::find_frames(&file, |class, id, length| {

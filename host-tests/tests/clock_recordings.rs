@@ -9,10 +9,9 @@
 //! strays from what the receiver itself said. Skipped, and says so, where
 //! `PIXCLOCK_CAPTURES` is not set.
 
-use std::path::PathBuf;
-
 use comparison::spread::quantile;
 use comparison::trace::Trace;
+use host_tests::captures;
 use host_tests::clock_board::{Board, MS, SECOND};
 use utc_clock::gate::EARLIEST;
 use utc_clock::{Counters, Outcome, Published, Settings, UtcNanos};
@@ -22,13 +21,7 @@ const TEN_YEARS: i64 = 3_653 * 86_400 * SECOND;
 
 /// What is in a trace's file, if there are any.
 fn content(name: &str) -> Option<String> {
-    let Some(folder) = std::env::var_os("PIXCLOCK_CAPTURES") else {
-        println!("SKIPPED: PIXCLOCK_CAPTURES is not set, {name} is not replayed");
-        return None;
-    };
-    let path = PathBuf::from(folder).join(name);
-    let text = std::fs::read_to_string(&path);
-    Some(text.unwrap_or_else(|error| panic!("{}: {error}", path.display())))
+    Some(String::from_utf8(captures::file(name)?).expect("text"))
 }
 
 /// Rows of (arrival, UTC of the epoch), both in ns, the first arrival at 1 s, with

@@ -5,8 +5,7 @@
 //! whose sync, length and checksum hold, from the left, not overlapping) and agree
 //! with pyubx2 1.4.0 on every file, the damaged ones included.
 
-use std::path::PathBuf;
-
+use host_tests::captures;
 use ubx_link::{Event, Link};
 
 mod ubx_line;
@@ -41,18 +40,11 @@ const COUNTS: [(&str, [u32; 3]); 23] = [
     ("ubx-satpulse/m8t-tmode_navpvt.ubx", [5, 0, 0]),
 ];
 
-/// The folder of the recordings; says so if there is none.
-fn captures() -> Option<PathBuf> {
-    let folder = std::env::var_os("PIXCLOCK_CAPTURES").map(PathBuf::from);
-    if folder.is_none() {
-        println!("SKIPPED: PIXCLOCK_CAPTURES does not name the folder of recordings");
-    }
-    folder
-}
-
 #[test]
 fn every_intact_frame_comes_out() {
-    let Some(folder) = captures() else { return };
+    let Some(folder) = captures::folder() else {
+        return;
+    };
     for (file, [nav_pvts, acks, naks]) in COUNTS {
         let bytes = std::fs::read(folder.join(file)).expect(file);
         // The cutting of a 1 ms poll at 115200, of a byte at a time, of bursts.
@@ -77,7 +69,9 @@ fn every_intact_frame_comes_out() {
 
 #[test]
 fn a_cold_start_is_told_as_it_was() {
-    let Some(folder) = captures() else { return };
+    let Some(folder) = captures::folder() else {
+        return;
+    };
     let bytes = std::fs::read(folder.join(COLD_START)).expect(COLD_START);
     let events = ubx_line::hear(&mut Link::new(), &bytes, &[64]);
     let resolved: Vec<bool> = events

@@ -20,6 +20,7 @@
 mod arrivals;
 mod chance;
 mod crystal;
+mod event;
 mod excess;
 mod latency;
 mod line;
@@ -35,6 +36,7 @@ mod wander;
 
 pub use arrivals::{Arrival, Arrivals};
 pub use crystal::{Crystal, CrystalSettings, NOMINAL_HZ, Ramp};
+pub use event::{Event, EventKind, PulseName, WorldPicos};
 pub use excess::Excess;
 pub use latency::Latency;
 pub use line::{Damage, Damages, Line};

@@ -9,12 +9,12 @@ use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::{env, fs};
 
-/// A way to keep the clock, with the settings that it allows; the first of each list is
+/// How the clock is kept, with the settings that it allows; the first of each list is
 /// its default.
-struct Way {
-    /// What `PIXCLOCK_WAY` says.
+struct Variant {
+    /// What `PIXCLOCK_VARIANT` says.
     name: &'static str,
-    /// What `settings::Way` says.
+    /// What `settings::Variant` says.
     variant: &'static str,
     /// Tick intervals in µs: those of Shim, Joo, Kim 2021, table 3.
     ticks_us: &'static [&'static str],
@@ -28,29 +28,29 @@ struct Way {
 const PAPERS_BAUDS: &[&str] = &["115200", "38400"];
 
 /// The first is the default.
-const WAYS: [Way; 4] = [
-    Way {
+const VARIANTS: [Variant; 4] = [
+    Variant {
         name: "pixclock",
         variant: "Pixclock",
         ticks_us: &["50", "200", "500", "1000"],
         gps_bauds: &["115200"],
         latency_us: 500_000,
     },
-    Way {
+    Variant {
         name: "paper-default",
         variant: "PaperDefault",
         ticks_us: &["1000"],
         gps_bauds: PAPERS_BAUDS,
         latency_us: 0,
     },
-    Way {
+    Variant {
         name: "paper-step1",
         variant: "PaperStep1",
         ticks_us: &["1000"],
         gps_bauds: PAPERS_BAUDS,
         latency_us: 0,
     },
-    Way {
+    Variant {
         name: "paper-step2",
         variant: "PaperStep2",
         ticks_us: &["50", "200", "500"],
@@ -63,26 +63,33 @@ const PINGS: [&str; 2] = ["rtos", "echo"];
 
 fn main() {
     let mut settings = String::new();
-    let name = choice("PIXCLOCK_WAY", &WAYS.map(|way| way.name), "");
-    let way = WAYS.iter().find(|way| way.name == name).unwrap_or(&WAYS[0]);
-    let with_way = format!(" with PIXCLOCK_WAY={name}");
+    let name = choice(
+        "PIXCLOCK_VARIANT",
+        &VARIANTS.map(|variant| variant.name),
+        "",
+    );
+    let variant = VARIANTS
+        .iter()
+        .find(|variant| variant.name == name)
+        .unwrap_or(&VARIANTS[0]);
+    let with_variant = format!(" with PIXCLOCK_VARIANT={name}");
     constant(
         &mut settings,
-        "How the clock is kept (`PIXCLOCK_WAY`).",
-        &format!("WAY: Way = Way::{}", way.variant),
+        "How the clock is kept (`PIXCLOCK_VARIANT`).",
+        &format!("VARIANT: Variant = Variant::{}", variant.variant),
     );
     constant(
         &mut settings,
         "Its name.",
-        &format!("WAY_NAME: &str = \"{name}\""),
+        &format!("VARIANT_NAME: &str = \"{name}\""),
     );
-    let tick_us = choice("PIXCLOCK_TICK_US", way.ticks_us, &with_way);
+    let tick_us = choice("PIXCLOCK_TICK_US", variant.ticks_us, &with_variant);
     constant(
         &mut settings,
         "From one tick to the next, in µs (`PIXCLOCK_TICK_US`).",
         &format!("TICK_US: u32 = {tick_us}"),
     );
-    let gps_baud = choice("PIXCLOCK_GPS_BAUD", way.gps_bauds, &with_way);
+    let gps_baud = choice("PIXCLOCK_GPS_BAUD", variant.gps_bauds, &with_variant);
     constant(
         &mut settings,
         "The rate of the receiver's line, in Bd (`PIXCLOCK_GPS_BAUD`).",
@@ -100,7 +107,12 @@ fn main() {
         "Our MAVLink system id (`PIXCLOCK_SYSTEM_ID`).",
         &format!("SYSTEM_ID: u8 = {system_id}"),
     );
-    let latency_us: u32 = number("PIXCLOCK_LATENCY_US", 0, 0..=way.latency_us, &with_way);
+    let latency_us: u32 = number(
+        "PIXCLOCK_LATENCY_US",
+        0,
+        0..=variant.latency_us,
+        &with_variant,
+    );
     constant(
         &mut settings,
         "From a solution's epoch to its message's first byte, in ns (`PIXCLOCK_LATENCY_US`).",

@@ -16,7 +16,7 @@ pub struct Board;
 impl Holdings for Board {
     fn parameter(&self, parameter: Parameter) -> f32 {
         let value = match parameter {
-            Parameter::Way => settings::WAY as u32,
+            Parameter::Variant => settings::VARIANT as u32,
             Parameter::TickUs => settings::TICK_US,
             Parameter::GpsBaud => settings::GPS_BAUD,
             Parameter::Source => match GNSS.get().map(|report| report.source) {

@@ -7,7 +7,7 @@
 //! of what must be prompt, and last that of what may take its time. Thread level
 //! sleeps, so that an interrupt which wakes nobody goes back to sleep at once.
 //!
-//! In the paper's ways all interrupts have NuttX's one priority, so that none preempts another;
+//! In the paper's variants all interrupts have NuttX's one priority, so that none preempts another;
 //! but for SysTick in step II. The executors stand below: on NuttX tasks run at thread level,
 //! where every interrupt preempts them.
 //!
@@ -15,16 +15,16 @@
 //! reads the clock may stand above the tick (`timebase::tick`). NuttX masks interrupts by
 //! `BASEPRI`, which spares step II's SysTick; here they are masked altogether, for less than a tick.
 
-use crate::settings::{WAY, Way};
+use crate::settings::{VARIANT, Variant};
 
 /// NuttX's priority of every interrupt (7, `arch/arm/include/stm32/chip.h`,
 /// `NVIC_SYSH_PRIORITY_DEFAULT`).
 const NUTTX: u8 = 0x80;
 
 /// SysTick: counts time.
-pub const TICK: u8 = match WAY {
-    Way::Pixclock | Way::PaperStep2 => 0x00,
-    Way::PaperDefault | Way::PaperStep1 => NUTTX,
+pub const TICK: u8 = match VARIANT {
+    Variant::Pixclock | Variant::PaperStep2 => 0x00,
+    Variant::PaperDefault | Variant::PaperStep1 => NUTTX,
 };
 /// UART4 and USART2: stamp and store bytes.
 pub const SERIAL: u8 = ours_or(0x10, NUTTX);
@@ -34,11 +34,11 @@ pub const ALARM: u8 = ours_or(0x20, NUTTX);
 /// which turns it on.
 pub const PULSE: u8 = ALARM;
 /// The executor of the GNSS and MAVLink tasks.
-pub const PROMPT: u8 = ours_or(0x30, NUTTX + 0x10);
+pub const EXECUTOR_HIGH: u8 = ours_or(0x30, NUTTX + 0x10);
 /// The executor of the status line and the LED, and of all that may block.
-pub const PATIENT: u8 = ours_or(0x40, NUTTX + 0x20);
+pub const EXECUTOR_LOW: u8 = ours_or(0x40, NUTTX + 0x20);
 
-/// The priority of our way, or that of the paper's.
+/// The priority of our variant, or that of the paper's.
 const fn ours_or(ours: u8, papers: u8) -> u8 {
-    if WAY.is_papers() { papers } else { ours }
+    if VARIANT.is_papers() { papers } else { ours }
 }

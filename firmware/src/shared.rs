@@ -6,7 +6,7 @@
 //!
 //! | queue | filled by | drained by | when full |
 //! |---|---|---|---|
-//! | [`NEWS`] | the GNSS task, at sets, steps and changes of the source; the MAVLink task and thread level, what becomes of a log | the MAVLink task, each second | the newest is dropped: the log has it |
+//! | [`CLOCK_EVENTS`] | the GNSS task, at sets, steps and changes of the source; the MAVLink task and thread level, what becomes of a log | the MAVLink task, each second | the newest is dropped: the log has it |
 
 use core::cell::Cell;
 
@@ -22,7 +22,7 @@ use crate::drivers::card::CardErrors;
 use crate::drivers::pulse::EdgeCounters;
 use crate::drivers::time;
 use crate::drivers::uart::LineErrors;
-use crate::settings::WAY;
+use crate::settings::VARIANT;
 use crate::storage::NotSaved;
 
 /// The clock.
@@ -38,11 +38,11 @@ pub static MAVLINK: Report<MavlinkReport> = Report::new();
 pub static CARD: Report<CardErrors> = Report::new();
 
 /// What the clock did that others should hear of.
-pub static NEWS: Channel<CriticalSectionRawMutex, News, 4> = Channel::new();
+pub static CLOCK_EVENTS: Channel<CriticalSectionRawMutex, ClockEvent, 4> = Channel::new();
 
 /// What the clock did that others should hear of.
 #[derive(Clone, Copy)]
-pub enum News {
+pub enum ClockEvent {
     /// It was set.
     Set,
     /// It stepped.
@@ -73,11 +73,11 @@ pub fn reading_at(when: Cycles) -> Reading {
     CLOCK.reading_at(seen(when))
 }
 
-/// When something was that happened at `when`. In the paper's ways a moment is the last tick
+/// When something was that happened at `when`. In the paper's variants a moment is the last tick
 /// before it is asked for: NuttX has no other.
 #[inline(always)]
 fn seen(when: Cycles) -> Cycles {
-    if WAY.is_papers() {
+    if VARIANT.is_papers() {
         time::last_tick()
     } else {
         when

@@ -17,10 +17,10 @@ use crate::settings;
 use crate::storage;
 use crate::tasks::{gnss, led, mavlink, paper, status};
 
-/// Runs what must be prompt, at [`priorities::PROMPT`](crate::priorities::PROMPT).
-static PROMPT: InterruptExecutor = InterruptExecutor::new();
-/// Runs what may take its time, at [`priorities::PATIENT`](crate::priorities::PATIENT).
-static PATIENT: InterruptExecutor = InterruptExecutor::new();
+/// Runs what must be prompt, at [`priorities::EXECUTOR_HIGH`](crate::priorities::EXECUTOR_HIGH).
+static EXECUTOR_HIGH: InterruptExecutor = InterruptExecutor::new();
+/// Runs what may take its time, at [`priorities::EXECUTOR_LOW`](crate::priorities::EXECUTOR_LOW).
+static EXECUTOR_LOW: InterruptExecutor = InterruptExecutor::new();
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
@@ -34,14 +34,14 @@ fn main() -> ! {
     } = board::init();
     SAMPLES.open(samples);
     tell_what_runs();
-    let prompt = PROMPT.start(board::PROMPT);
-    if settings::WAY.is_papers() {
+    let prompt = EXECUTOR_HIGH.start(board::EXECUTOR_HIGH);
+    if settings::VARIANT.is_papers() {
         spawn(&prompt, paper::run(gnss_reader, gnss_writer));
     } else {
         spawn(&prompt, gnss::run(gnss_reader, gnss_writer, pulse));
     }
     spawn(&prompt, mavlink::run(mavlink_reader, mavlink_writer));
-    let patient = PATIENT.start(board::PATIENT);
+    let patient = EXECUTOR_LOW.start(board::EXECUTOR_LOW);
     spawn(&patient, led::run(led));
     spawn(&patient, status::run());
     #[cfg(feature = "bench")]
@@ -49,18 +49,18 @@ fn main() -> ! {
     storage::run(card)
 }
 
-/// The log's first lines: what this image is. In the paper's ways also who interrupts whom, as it
+/// The log's first lines: what this image is. In the paper's variants also who interrupts whom, as it
 /// stands in the registers: it is what they are about.
 fn tell_what_runs() {
     defmt::info!(
-        "pixclock {=str} on {=str}, way {=str}, tick {=u32} us, system {=u8}",
+        "pixclock {=str} on {=str}, variant {=str}, tick {=u32} us, system {=u8}",
         env!("CARGO_PKG_VERSION"),
         board::NAME,
-        settings::WAY_NAME,
+        settings::VARIANT_NAME,
         settings::TICK_US,
         settings::SYSTEM_ID
     );
-    if settings::WAY.is_papers() {
+    if settings::VARIANT.is_papers() {
         defmt::info!(
             "priorities: SysTick {=u8:#04x}, PendSV {=u8:#04x}, UART4 {=u8:#04x}, USART2 {=u8:#04x}, TIM4 {=u8:#04x}, tasks {=u8:#04x} and {=u8:#04x}",
             SCB::get_priority(SystemHandler::SysTick),
@@ -68,8 +68,8 @@ fn tell_what_runs() {
             NVIC::get_priority(Interrupt::UART4),
             NVIC::get_priority(Interrupt::USART2),
             NVIC::get_priority(Interrupt::TIM4),
-            NVIC::get_priority(board::PROMPT),
-            NVIC::get_priority(board::PATIENT)
+            NVIC::get_priority(board::EXECUTOR_HIGH),
+            NVIC::get_priority(board::EXECUTOR_LOW)
         );
     }
 }
@@ -83,18 +83,18 @@ fn spawn<S: Send>(executor: &SendSpawner, task: Result<SpawnToken<S>, SpawnError
     }
 }
 
-/// The executor of the GNSS and MAVLink tasks; see [`board::PROMPT`].
+/// The executor of the GNSS and MAVLink tasks; see [`board::EXECUTOR_HIGH`].
 #[interrupt]
 fn DCMI() {
     // SAFETY: this is its one handler, and it is enabled by `start`.
-    unsafe { PROMPT.on_interrupt() }
+    unsafe { EXECUTOR_HIGH.on_interrupt() }
 }
 
-/// The executor of the LED and the status line; see [`board::PATIENT`].
+/// The executor of the LED and the status line; see [`board::EXECUTOR_LOW`].
 #[interrupt]
 fn CAN2_TX() {
     // SAFETY: this is its one handler, and it is enabled by `start`.
-    unsafe { PATIENT.on_interrupt() }
+    unsafe { EXECUTOR_LOW.on_interrupt() }
 }
 
 /// The alarm: at least once a ms, and when a timer is due.

@@ -13,7 +13,7 @@ use crate::drivers::card::{Card, CardError};
 use crate::drivers::sdio::BusError;
 use crate::drivers::time;
 use crate::samples::SAMPLES;
-use crate::shared::{CARD, CLOCK, NEWS, News};
+use crate::shared::{CARD, CLOCK, CLOCK_EVENTS, ClockEvent};
 use crate::{board, samples};
 
 /// Why a log is not on the card.
@@ -70,15 +70,15 @@ pub fn run(mut slot: Option<Card>) -> ! {
                     samples,
                     took_us
                 );
-                News::Saved { file, samples }
+                ClockEvent::Saved { file, samples }
             }
             Err(why) => {
                 defmt::warn!("the log is not saved: {}, took {=i64} us", why, took_us);
-                News::NotSaved(why)
+                ClockEvent::NotSaved(why)
             }
         };
         // A full queue means that nobody listens; the log has it.
-        let _ = NEWS.try_send(news);
+        let _ = CLOCK_EVENTS.try_send(news);
     }
 }
 

@@ -161,12 +161,12 @@ impl<'a> Board<'a> {
 
     /// A mark whose first byte arrives at `arrival_ns`, and whose last byte's
     /// time is not before now.
-    pub fn hear(&mut self, epoch: UtcNanos, arrival_ns: i64) -> Outcome {
-        self.hear_mark(mark(epoch), arrival_ns)
+    pub fn handle_arrival(&mut self, epoch: UtcNanos, arrival_ns: i64) -> Outcome {
+        self.handle_mark(mark(epoch), arrival_ns)
     }
 
     /// The same with a mark of one's own; its arrival is filled in.
-    pub fn hear_mark(&mut self, mut mark: TimeMark, arrival_ns: i64) -> Outcome {
+    pub fn handle_mark(&mut self, mut mark: TimeMark, arrival_ns: i64) -> Outcome {
         self.pass_until((arrival_ns + FRAME_NS).max(self.now_ns));
         mark.arrival = self.cycles(arrival_ns);
         self.handle(&mark)
@@ -185,7 +185,7 @@ impl<'a> Board<'a> {
     }
 
     /// An edge of the pulse at `edge_ns`.
-    pub fn hear_pulse(&mut self, edge_ns: i64) -> PulseOutcome {
+    pub fn handle_edge(&mut self, edge_ns: i64) -> PulseOutcome {
         self.pass_until((edge_ns + PULSE_TASK_NS).max(self.now_ns));
         let edge = self.cycles(edge_ns);
         self.handle_pulse(&PulseMark { edge })
@@ -203,7 +203,7 @@ impl<'a> Board<'a> {
     }
 
     /// What the receiver says of its next pulse, at `arrival_ns`.
-    pub fn hear_forecast(&mut self, late_ps: i32, arrival_ns: i64) {
+    pub fn handle_forecast(&mut self, late_ps: i32, arrival_ns: i64) {
         self.pass_until(arrival_ns.max(self.now_ns));
         let arrival = self.cycles(arrival_ns);
         self.clock

@@ -47,7 +47,7 @@ impl Scene {
         let mut rng = fastrand::Rng::with_seed(seed);
         Self {
             settings: Settings {
-                latency_doubt_ns: 0,
+                latency_uncertainty_ns: 0,
                 ..Settings::DEFAULT
             },
             crystal: CrystalSettings::new(rng.f64() * 100_000.0 - 50_000.0),
@@ -69,7 +69,7 @@ impl Scene {
         Self {
             pulse: Some(self.receiver.clone()),
             settings: Settings {
-                latency_doubt_ns: Settings::DEFAULT.latency_doubt_ns,
+                latency_uncertainty_ns: Settings::DEFAULT.latency_uncertainty_ns,
                 ..self.settings
             },
             ..self
@@ -183,14 +183,16 @@ impl Play<'_> {
     fn happen(&mut self, event: &Event) {
         match event.what {
             What::Mark { epoch_utc_ns } => {
-                let outcome = self.board.hear(UtcNanos(epoch_utc_ns), event.happened);
+                let outcome = self
+                    .board
+                    .handle_arrival(UtcNanos(epoch_utc_ns), event.happened);
                 self.marks.push((event.happened, outcome));
             }
             What::Pulse => {
-                let outcome = self.board.hear_pulse(event.happened);
+                let outcome = self.board.handle_edge(event.happened);
                 self.pulses.push((event.happened, outcome));
             }
-            What::Forecast { late_ps } => self.board.hear_forecast(late_ps, event.happened),
+            What::Forecast { late_ps } => self.board.handle_forecast(late_ps, event.happened),
         }
     }
 

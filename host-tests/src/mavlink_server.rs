@@ -13,7 +13,7 @@ use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use mavlink_node::{
-    Ask, Command, Config, Fix, GpsFix, Holdings, Node, NodeTime, Parameter, Request, Test,
+    Command, Config, Fix, GpsFix, Holdings, Node, NodeTime, Parameter, Request, RequestKind, Test,
 };
 use sample_log::{Record, Sample, SampleLog, State, csv};
 use timebase::{Cycles, StampedByte};
@@ -152,8 +152,8 @@ fn converse(mut stream: TcpStream, mut behaviour: Behaviour) -> io::Result<()> {
         let now = Cycles::from_nanos(boot.elapsed().as_nanos() as u64);
         for &byte in bytes {
             let stamp = now.stamp();
-            if let Some(request) = node.receive(StampedByte { stamp, byte }, now) {
-                let is = |test| matches!(request.ask, Ask::Command(command) if command.meaning == Ok(test));
+            if let Some(request) = node.push(StampedByte { stamp, byte }, now) {
+                let is = |test| matches!(request.ask, RequestKind::Command(command) if command.meaning == Ok(test));
                 if is(Test::Begins) {
                     test_began = Some(Instant::now());
                 }
@@ -196,7 +196,7 @@ impl Held<'_> {
     /// Does what is asked, as the firmware does.
     fn act(&mut self, request: &Request, time: NodeTime) {
         match request.ask {
-            Ask::Ping { time_usec, seq } => {
+            RequestKind::Ping { time_usec, seq } => {
                 // A full log says so by its parameter.
                 let _ = self.log.record(&Sample {
                     board_ns: time.rtos_ns(),
@@ -209,16 +209,16 @@ impl Held<'_> {
                     uncertainty_ns: u32::MAX,
                 });
             }
-            Ask::Command(Command {
+            RequestKind::Command(Command {
                 meaning: Ok(Test::Ends),
                 ..
             }) => self.log.freeze(),
-            Ask::Command(Command {
+            RequestKind::Command(Command {
                 meaning: Ok(Test::Begins),
                 ..
             })
-            | Ask::EraseLog => self.log.clear(),
-            Ask::Command(_) | Ask::TimeSync { .. } => {}
+            | RequestKind::EraseLog => self.log.clear(),
+            RequestKind::Command(_) | RequestKind::TimeSync { .. } => {}
         }
     }
 }

@@ -28,7 +28,7 @@ fn replay(file: &[u8], board: &mut Board<'_>) -> Vec<(TimeMark, Outcome)> {
                     stamp: board.cycles(end_of(index)).stamp(),
                     byte: *byte,
                 });
-                link.hear(&stamped.collect::<Vec<_>>());
+                link.push(&stamped.collect::<Vec<_>>());
                 let now = board.cycles(board.now_ns);
                 let marks: Vec<_> = std::iter::from_fn(|| link.poll(now)).collect();
                 for event in marks {

@@ -148,7 +148,7 @@ fn it_converges_within_a_minute() {
 fn stored(scene: &Scene, wrong_ppb: i32) -> Settings {
     Settings {
         frequency: Ppb(wrong_ppb - scene.crystal.offset_ppb.round() as i32),
-        frequency_doubt: Ppb(500),
+        frequency_uncertainty: Ppb(500),
         ..scene.settings
     }
 }

@@ -201,7 +201,7 @@ fn a_stored_frequency_serves_a_holdover_from_the_first_mark() {
         let mut scene = Scene::new(Latency::m8(), seed);
         scene.settings = Settings {
             frequency: Ppb(-scene.crystal.offset_ppb.round() as i32),
-            frequency_doubt: Ppb(500),
+            frequency_uncertainty: Ppb(500),
             ..scene.settings
         };
         scene.deaf.push(SECOND..i64::MAX);

@@ -106,12 +106,14 @@ fn any_settings() -> impl Strategy<Value = Settings> {
         any::<i32>(),
     )
         .prop_map(
-            |(require_confirmed, latency_ns, latency_doubt_ns, frequency, doubt)| Settings {
-                require_confirmed,
-                latency_ns,
-                latency_doubt_ns,
-                frequency: Ppb(frequency),
-                frequency_doubt: Ppb(doubt),
+            |(require_confirmed, latency_ns, latency_uncertainty_ns, frequency, uncertainty)| {
+                Settings {
+                    require_confirmed,
+                    latency_ns,
+                    latency_uncertainty_ns,
+                    frequency: Ppb(frequency),
+                    frequency_uncertainty: Ppb(uncertainty),
+                }
             },
         )
 }
@@ -175,10 +177,10 @@ fn live(board: &mut Board<'_>, event: Event) {
         } => {
             let first = board.now_ns / SECOND + 2;
             for second in first..first + seconds {
-                board.hear_pulse(second * SECOND + pulse_off_ns);
+                board.handle_edge(second * SECOND + pulse_off_ns);
                 for fifth in 0..5 {
                     let now_ns = second * SECOND + fifth * 200 * MS;
-                    board.hear(UtcNanos(START.0 + now_ns + off_ns), now_ns + 40 * MS);
+                    board.handle_arrival(UtcNanos(START.0 + now_ns + off_ns), now_ns + 40 * MS);
                 }
             }
         }

@@ -50,7 +50,7 @@ fn run(rows: &[(i64, UtcNanos)]) -> Run {
     let mut clock_ns = Vec::new();
     let mut outcomes = Vec::new();
     for (arrival, utc) in rows {
-        outcomes.push(board.hear(*utc, *arrival));
+        outcomes.push(board.handle_arrival(*utc, *arrival));
         board.pass_lead();
         clock_ns.push(board.read().utc.0 - board.now_ns);
     }

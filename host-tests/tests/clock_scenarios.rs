@@ -24,7 +24,7 @@ fn epoch(number: i64) -> UtcNanos {
 fn settled(line: &Published) -> Board<'_> {
     let mut board = Board::new(Settings::DEFAULT, 0.0, line);
     for number in 1..50 {
-        board.hear(epoch(number), number * PERIOD + FLOOR);
+        board.handle_arrival(epoch(number), number * PERIOD + FLOOR);
     }
     board
 }
@@ -39,7 +39,7 @@ fn it_tells_the_time_since_boot_until_the_first_good_mark_sets_it() {
     assert_eq!(unset.uncertainty_ns, u32::MAX);
     assert!((unset.utc.0 - 25 * SECOND).abs() <= 25);
 
-    let outcome = board.hear(epoch(125), 25 * SECOND + FLOOR);
+    let outcome = board.handle_arrival(epoch(125), 25 * SECOND + FLOOR);
     assert_eq!(outcome, Outcome::Set);
     board.pass_lead();
     let set = board.read();
@@ -61,16 +61,16 @@ fn a_known_latency_is_taken_off() {
     let settings = Settings::DEFAULT.with_latency_ns(40_000_000);
     let line = Published::new();
     let mut board = Board::new(settings, 0.0, &line);
-    board.hear(epoch(1), PERIOD + FLOOR);
+    board.handle_arrival(epoch(1), PERIOD + FLOOR);
     board.pass_lead();
     assert!(board.error_ns().abs() <= 10);
     // A single mark may be late by all that receivers were seen to be.
     assert!(board.read().uncertainty_ns >= 10_000_000 + 91_000_000);
     for number in 2..300 {
-        board.hear(epoch(number), number * PERIOD + FLOOR);
+        board.handle_arrival(epoch(number), number * PERIOD + FLOOR);
     }
     assert!(board.error_ns().abs() <= 10);
-    // What is left is the doubt about the latency, 10 ms once it is set as when it was
+    // What is left is the uncertainty about the latency, 10 ms once it is set as when it was
     // learnt, and less than 1 ms of its own.
     assert!((10_000_000..11_000_000).contains(&board.read().uncertainty_ns));
 }
@@ -100,7 +100,7 @@ fn a_leap_second_is_sat_out_and_then_stepped_over_in_the_open() {
         } else if since >= SECOND {
             heard = mark(UtcNanos(midnight.0 + since - SECOND));
         }
-        outcomes.push(board.hear_mark(heard, number * PERIOD + FLOOR));
+        outcomes.push(board.handle_mark(heard, number * PERIOD + FLOOR));
     }
     assert_eq!(outcomes[0], Outcome::Set);
     for (i, outcome) in outcomes.iter().enumerate().skip(1) {
@@ -121,7 +121,7 @@ fn a_clock_is_not_set_in_a_leap_second() {
     let mut board = Board::new(Settings::DEFAULT, 0.0, &line);
     let mut heard = mark(START);
     heard.epoch = leap_second((2026, 12, 31), 0);
-    let outcome = board.hear_mark(heard, FLOOR);
+    let outcome = board.handle_mark(heard, FLOOR);
     assert_eq!(outcome, Outcome::Refused(Refusal::LeapSecond));
     assert_eq!(board.read().state, ClockState::Unset);
 }
@@ -160,9 +160,9 @@ fn each_kind_of_bad_mark_is_counted_and_costs_no_good_one() {
         let number = 50 + 2 * i;
         let mut bad = mark(epoch(number));
         spoil(&mut bad);
-        let outcome = board.hear_mark(bad, number * PERIOD + FLOOR);
+        let outcome = board.handle_mark(bad, number * PERIOD + FLOOR);
         assert_eq!(outcome, Outcome::Refused(refusal));
-        let good = board.hear(epoch(number + 1), (number + 1) * PERIOD + FLOOR);
+        let good = board.handle_arrival(epoch(number + 1), (number + 1) * PERIOD + FLOOR);
         assert!(matches!(good, Outcome::Slewed { error_ns } if error_ns.abs() <= 100));
     }
     let counters = board.clock.counters();
@@ -223,7 +223,7 @@ fn leap_seconds_that_nobody_confirmed_show_until_they_are() {
     for number in 1..20 {
         let mut heard = mark(epoch(number));
         heard.validity.leap_seconds_known = number >= 10;
-        let outcome = board.hear_mark(heard, number * PERIOD + FLOOR);
+        let outcome = board.handle_mark(heard, number * PERIOD + FLOOR);
         assert!(!matches!(outcome, Outcome::Refused(_)));
         board.pass_lead();
         assert_eq!(board.read().leap_seconds_known, number >= 10);

@@ -2,7 +2,7 @@
 //!
 //! *Design.* Boards in the simulated world, each with another crystal, read at every
 //! moment; pooled for each case. The estimator's own part is held against floor time,
-//! with no doubt about the latency; the sum with the doubt of a latency that nobody
+//! with no uncertainty about the latency; the sum with the uncertainty of a latency that nobody
 //! knows against UTC. It holds where 95 % of the errors are within it, and it is of
 //! use where its mean is not more than four times theirs.
 //!

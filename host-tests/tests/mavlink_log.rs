@@ -13,9 +13,10 @@ mod mavlink_line;
 
 use mavlink_frames::Frame;
 use mavlink_line::{GROUND, ask, feed, heard};
-use mavlink_node::client::{Client, What};
+use mavlink_node::client::{Client, Message};
 use mavlink_node::{
-    Address, Ask, Command, Config, Holdings, Node, NodeTime, Parameter, Refusal, Test, Version,
+    Address, Command, Config, Holdings, Node, NodeTime, Parameter, Refusal, RequestKind, Test,
+    Version,
 };
 use proptest::prelude::*;
 
@@ -77,7 +78,7 @@ fn command(long: bool, v2: bool, number: u16, param1: f32) -> Frame {
 }
 
 /// Everything that the node has to send, understood.
-fn polled(node: &mut Node, vault: &Vault) -> Vec<What> {
+fn polled(node: &mut Node, vault: &Vault) -> Vec<Message> {
     let frames = std::iter::from_fn(|| node.poll(vault));
     let said = frames.map(|frame| heard(&frame).expect("a frame that a client understands"));
     // More than any log here takes.
@@ -87,10 +88,10 @@ fn polled(node: &mut Node, vault: &Vault) -> Vec<What> {
 }
 
 /// The stretches of a log among `said`: where each begins, and its bytes.
-fn stretches(said: &[What]) -> Vec<(u32, Vec<u8>)> {
+fn stretches(said: &[Message]) -> Vec<(u32, Vec<u8>)> {
     said.iter()
         .map(|what| match what {
-            What::LogData {
+            Message::LogData {
                 id: 1,
                 offset,
                 data,
@@ -122,7 +123,10 @@ fn a_test_begins_and_ends_by_command() {
             let mut node = node();
             let request = ask(&mut node, &command(long, v2, USER_1, param1).bytes());
             let number = USER_1;
-            assert_eq!(request.ask, Ask::Command(Command { number, meaning }));
+            assert_eq!(
+                request.ask,
+                RequestKind::Command(Command { number, meaning })
+            );
             let mut payload = USER_1.to_le_bytes().to_vec();
             payload.push(result);
             if v2 {
@@ -148,12 +152,15 @@ fn the_clients_commands_are_obeyed() {
             let request = ask(&mut node, &client.test(US, test));
             let meaning = Ok(test);
             let number = USER_1;
-            assert_eq!(request.ask, Ask::Command(Command { number, meaning }));
+            assert_eq!(
+                request.ask,
+                RequestKind::Command(Command { number, meaning })
+            );
             assert_eq!(
                 heard(&node.answer(&request, TIME)),
-                Some(What::CommandAck {
+                Some(Message::CommandAck {
                     command: USER_1,
-                    result: What::ACCEPTED
+                    result: Message::ACCEPTED
                 })
             );
         }
@@ -164,10 +171,10 @@ fn the_clients_commands_are_obeyed() {
 /// the target, where the target stands).
 fn targeted() -> Vec<(u32, u8, Vec<u8>, usize)> {
     let mut read = vec![0xff, 0xff, 0, 0];
-    read.extend(b"PC_WAY\0\0\0\0\0\0\0\0\0\0");
+    read.extend(b"PC_VARIANT\0\0\0\0\0\0");
     let mut set = 3_f32.to_le_bytes().to_vec();
     set.extend([0, 0]);
-    set.extend(b"PC_WAY\0\0\0\0\0\0\0\0\0\0\x09");
+    set.extend(b"PC_VARIANT\0\0\0\0\0\0\x09");
     let mut data = [0, 0, 0, 0, 200, 0, 0, 0, 1, 0].to_vec();
     data.extend([0, 0]);
     vec![
@@ -242,7 +249,7 @@ fn parameters_are_listed_in_both_versions() {
         let frames: Vec<_> = std::iter::from_fn(|| node.poll(&Vault::of(0))).collect();
         assert_eq!(frames.len(), 6);
         let names = [
-            "PC_WAY",
+            "PC_VARIANT",
             "PC_TICK_US",
             "PC_GPS_BAUD",
             "PC_SOURCE",
@@ -275,7 +282,7 @@ fn the_client_hears_all_parameters_by_their_names() {
         let said = polled(&mut node, &Vault::of(0));
         assert_eq!(said.len(), Parameter::ALL.len());
         for (what, parameter) in said.iter().zip(Parameter::ALL) {
-            let What::Parameter {
+            let Message::Parameter {
                 name,
                 value,
                 index,
@@ -296,7 +303,7 @@ fn the_client_hears_all_parameters_by_their_names() {
 fn told(node: &mut Node) -> Option<Parameter> {
     match polled(node, &Vault::of(0))[..] {
         [] => None,
-        [What::Parameter { name, .. }] => Parameter::named(name),
+        [Message::Parameter { name, .. }] => Parameter::named(name),
         ref more => panic!("{more:?}"),
     }
 }
@@ -321,10 +328,10 @@ fn one_parameter_is_read_by_name_or_by_index() {
         assert_eq!(told(&mut node), Some(parameter));
         for (index, name) in [
             (6, ""),
-            (i16::MAX, "PC_WAY"),
+            (i16::MAX, "PC_VARIANT"),
             (-1, "PC_NONE"),
             (-1, ""),
-            (-1, "pc_way"),
+            (-1, "pc_variant"),
         ] {
             let before = node.counters().unknown;
             note(&mut node, &read(index, name));
@@ -345,7 +352,7 @@ fn a_parameter_that_is_set_says_what_it_is() {
         payload.push(kind);
         note(&mut node, &Frame::message(true, 23, 168, payload).bytes());
         match polled(&mut node, &Vault::of(0))[..] {
-            [What::Parameter { name, value, .. }] => {
+            [Message::Parameter { name, value, .. }] => {
                 assert_eq!((name.as_str(), value), ("PC_TICK_US", 1.5));
             }
             ref other => panic!("{other:?}"),
@@ -385,7 +392,7 @@ fn the_log_is_listed() {
         assert_eq!(*entry, expected.bytes());
         assert_eq!(
             heard(&entry),
-            Some(What::LogEntry {
+            Some(Message::LogEntry {
                 id: 1,
                 logs: 1,
                 time_utc: 1_795_320_000,
@@ -476,10 +483,10 @@ fn a_transfer_ends_when_that_is_asked_for() {
 
     note(&mut node, &client.log_data(US, 0, u32::MAX));
     let request = ask(&mut node, &client.erase_log(US));
-    assert_eq!(request.ask, Ask::EraseLog);
+    assert_eq!(request.ask, RequestKind::EraseLog);
     assert!(!node.has_more());
     match heard(&node.answer(&request, TIME)) {
-        Some(What::StatusText { severity: 5, text }) => assert_eq!(text.as_str(), "log erased"),
+        Some(Message::StatusText { severity: 5, text }) => assert_eq!(text.as_str(), "log erased"),
         other => panic!("{other:?}"),
     }
 
@@ -494,7 +501,7 @@ fn a_transfer_ends_when_that_is_asked_for() {
 }
 
 #[test]
-fn a_log_that_grows_or_shrinks_on_the_way_harms_nothing() {
+fn a_log_that_grows_or_shrinks_on_the_variant_harms_nothing() {
     let mut vault = Vault::of(200);
     let mut client = Client::new(GROUND, Version::V2);
     let mut node = node();
@@ -522,11 +529,11 @@ fn parameters_come_before_the_log() {
     assert!(node.poll(&vault).is_some());
     note(&mut node, &client.parameter(US, Parameter::LogLen));
     let next = node.poll(&vault).expect("a frame");
-    assert!(matches!(heard(&next), Some(What::Parameter { .. })));
+    assert!(matches!(heard(&next), Some(Message::Parameter { .. })));
     let next = node.poll(&vault).expect("a frame");
     assert!(matches!(
         heard(&next),
-        Some(What::LogData { offset: 90, .. })
+        Some(Message::LogData { offset: 90, .. })
     ));
 }
 
@@ -629,7 +636,7 @@ proptest! {
         // The noise may end in the beginning of a frame.
         feed(&mut node, 0, &[0; 64]);
         let request = ask(&mut node, &Frame::ping(true, 7, 0).bytes());
-        let is_ping = matches!(heard(&node.answer(&request, TIME)), Some(What::Ping { seq: 7, .. }));
+        let is_ping = matches!(heard(&node.answer(&request, TIME)), Some(Message::Ping { seq: 7, .. }));
         prop_assert!(is_ping);
         polled(&mut node, &vault);
     }

@@ -13,9 +13,10 @@ mod mavlink_line;
 
 use mavlink_frames::{Frame, SIGNED};
 use mavlink_line::{GROUND, ask, feed, heard};
-use mavlink_node::client::{Client, What};
+use mavlink_node::client::{Client, Message};
 use mavlink_node::{
-    Ask, Command, Config, Fix, GpsFix, Node, NodeTime, PingReply, Refusal, Severity, Version,
+    Command, Config, Fix, GpsFix, Node, NodeTime, PingReply, Refusal, RequestKind, Severity,
+    Version,
 };
 use proptest::prelude::*;
 use timebase::{Cycles, StampedByte};
@@ -43,7 +44,7 @@ fn hex(digits: &str) -> Vec<u8> {
 
 #[test]
 fn frames_of_other_peoples_software() {
-    let ping = |time_usec, seq| Ask::Ping { time_usec, seq };
+    let ping = |time_usec, seq| RequestKind::Ping { time_usec, seq };
     let requests = [
         // pymavlink in MAVLink 1 and 2, MAVSDK, MAVProxy's `ping`.
         (
@@ -68,7 +69,7 @@ fn frames_of_other_peoples_software() {
             "fd10000000ffbe6f000000000000000000000000a0d885573416ce74",
             Version::V2,
             190,
-            Ask::TimeSync {
+            RequestKind::TimeSync {
                 ts1: i64::from_le_bytes([0, 0, 0xa0, 0xd8, 0x85, 0x57, 0x34, 0x16]),
             },
         ),
@@ -102,7 +103,7 @@ fn bytes_may_come_while_a_queue_is_emptied() {
         let bytes = Frame::ping(true, 3, 0).bytes();
         let mut requests = bytes
             .iter()
-            .filter_map(|&byte| node.receive(StampedByte { stamp, byte }, now));
+            .filter_map(|&byte| node.push(StampedByte { stamp, byte }, now));
         let request = requests.next().expect("a request");
         assert_eq!(request.arrival, now.plus(after));
     }
@@ -139,7 +140,7 @@ fn ping_echoes_where_that_is_wanted() {
     let answer = node.answer(&request, TIME);
     assert_eq!(
         heard(&answer),
-        Some(What::Ping {
+        Some(Message::Ping {
             time_usec: 2,
             seq: 5,
             target: GROUND
@@ -181,7 +182,7 @@ fn timesync_keeps_ts1_and_tells_our_time() {
                 ),
             ] {
                 let answer = node.answer(&request, time);
-                assert_eq!(heard(&answer), Some(What::TimeSync { tc1, ts1 }));
+                assert_eq!(heard(&answer), Some(Message::TimeSync { tc1, ts1 }));
             }
             let Frame { payload, .. } = Frame::timesync(v2, TIME.utc_ns.unwrap(), ts1, [255, 190]);
             let answer = node.answer(&request, TIME);
@@ -232,7 +233,7 @@ fn commands_to_us_are_refused_whatever_their_number() {
             let request = ask(&mut node, &frame.bytes());
             assert_eq!(
                 request.ask,
-                Ask::Command(Command {
+                RequestKind::Command(Command {
                     number,
                     meaning: Err(Refusal::Unsupported)
                 })
@@ -395,22 +396,22 @@ proptest! {
         let mut client = Client::new(GROUND, version);
         let mut node = node();
         let request = ask(&mut node, &client.ping(time_usec, seq));
-        prop_assert_eq!(request.ask, Ask::Ping { time_usec, seq });
+        prop_assert_eq!(request.ask, RequestKind::Ping { time_usec, seq });
         prop_assert_eq!(request.from, GROUND);
         let time = NodeTime { boot_us, utc_ns };
         let us = utc_ns.map_or(boot_us, |ns| (ns / 1_000) as u64);
         prop_assert_eq!(
             heard(&node.answer(&request, time)),
-            Some(What::Ping { time_usec: us, seq, target: GROUND })
+            Some(Message::Ping { time_usec: us, seq, target: GROUND })
         );
         prop_assert_eq!(
             heard(&node.system_time(time)),
-            Some(What::SystemTime {
+            Some(Message::SystemTime {
                 time_unix_usec: utc_ns.map_or(0, |ns| (ns / 1_000) as u64),
                 time_boot_ms: (boot_us / 1_000) as u32,
             })
         );
-        prop_assert_eq!(heard(&node.heartbeat(time)), Some(What::Heartbeat));
+        prop_assert_eq!(heard(&node.heartbeat(time)), Some(Message::Heartbeat));
     }
 
     #[test]

@@ -86,7 +86,7 @@ impl Board {
             if leaves.is_some_and(|at| at <= self.now)
                 && let Some((at, baud, bytes)) = self.leaving.take()
             {
-                talker.hear(at, baud, &bytes);
+                talker.handle_bytes(at, baud, &bytes);
                 self.session.handle_sent(cycles(self.now));
             }
             while let Some(burst) = talker.poll(self.now) {
@@ -109,7 +109,7 @@ impl Board {
             })
             .collect();
         for chunk in stamped.chunks(Link::ROOM) {
-            self.link.hear(chunk);
+            self.link.push(chunk);
             let then = chunk.last().map_or(end, |byte| byte.stamp.extend(end));
             while let Some(event) = self.link.poll(then) {
                 if let Event::NavPvt { .. } = event {
@@ -252,7 +252,7 @@ impl Talker for Nobody {
         None
     }
 
-    fn hear(&mut self, _: WorldNanos, _: u32, _: &[u8]) {}
+    fn handle_bytes(&mut self, _: WorldNanos, _: u32, _: &[u8]) {}
 
     fn truth(&self) -> &[world::Sent] {
         &[]

@@ -5,7 +5,7 @@ use std::process::{Command, ExitCode};
 use anyhow::Result;
 use clap::Args;
 
-use crate::image::{self, Board, Variant};
+use crate::image::{self, Board, Build};
 use crate::tool;
 
 /// What the bench can be asked for.
@@ -22,9 +22,9 @@ pub struct Options {
 ///
 /// When something cannot be built.
 pub fn run(options: &Options) -> Result<ExitCode> {
-    let image = image::build(Variant {
+    let image = image::build(Build {
         bench: true,
-        ..Variant::standard(Board::Pixhawk1)
+        ..Build::standard(Board::Pixhawk1)
     })?;
     let mut bench = Command::new(tool::build("bench")?);
     bench.arg("--image").arg(image);

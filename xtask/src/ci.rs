@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
-use console::Way;
+use console::Variant;
 use serde_json::Value;
 
 use crate::image::{TARGET, cargo, run, target_dir};
@@ -27,14 +27,14 @@ pub fn run_all() -> Result<()> {
             .args(["clippy", "--workspace", "--all-targets", "--locked"])
             .args(DENY_WARNINGS),
     )?;
-    for (features, way) in [
-        ("pixhawk1", Way::STANDARD),
-        ("pixhawk1,bench", Way::STANDARD),
-        ("qemu", Way::STANDARD),
-        ("pixhawk1", Way::PaperStep1),
+    for (features, variant) in [
+        ("pixhawk1", Variant::STANDARD),
+        ("pixhawk1,bench", Variant::STANDARD),
+        ("qemu", Variant::STANDARD),
+        ("pixhawk1", Variant::PaperStep1),
     ] {
         step(
-            &format!("clippy on the target, {features}, {way}"),
+            &format!("clippy on the target, {features}, {variant}"),
             cargo()
                 .args([
                     "clippy",
@@ -45,7 +45,7 @@ pub fn run_all() -> Result<()> {
                     TARGET,
                 ])
                 .args(["--no-default-features", "--features", features, "--locked"])
-                .env("PIXCLOCK_WAY", way.name())
+                .env("PIXCLOCK_VARIANT", variant.name())
                 .args(DENY_WARNINGS),
         )?;
     }
@@ -66,7 +66,7 @@ pub fn run_all() -> Result<()> {
     step(
         "the paper's experiment",
         xtask()
-            .args(["testbed", "--check", "--duration", "60", "--way"])
+            .args(["testbed", "--check", "--duration", "60", "--method"])
             .arg(JUDGED_WAYS),
     )?;
     // As many PINGs as no board may lose one of, and more than the line carries.
@@ -75,7 +75,7 @@ pub fn run_all() -> Result<()> {
             &format!("{rate} PINGs a second"),
             xtask()
                 .args(["testbed", "--check", "--duration", "10"])
-                .args(["--way", "pixclock", "--rate", rate]),
+                .args(["--method", "pixclock", "--rate", rate]),
         )?;
     }
     the_same_files_again()?;
@@ -84,8 +84,8 @@ pub fn run_all() -> Result<()> {
     sim_follows_a_pulse()?;
     step("qemu", xtask().args(["qemu", "--duration", "10"]))?;
     step(
-        "qemu in one of the paper's ways",
-        xtask().args(["qemu", "--way", "paper-step1", "--duration", "10"]),
+        "qemu in one of the paper's variants",
+        xtask().args(["qemu", "--variant", "paper-step1", "--duration", "10"]),
     )?;
     step("ticks on qemu", xtask().arg("qemu-ticks"))?;
     step("pymavlink", xtask().arg("pymavlink"))?;
@@ -93,10 +93,10 @@ pub fn run_all() -> Result<()> {
     Ok(())
 }
 
-/// The ways of the testbed that have bounds.
+/// The methods of the testbed that have bounds.
 const JUDGED_WAYS: &str = "paper-default-mixed,paper-step1,paper-step2:50,pixclock,pixclock-pps";
 
-/// Runs a short experiment twice, of ways with one image: its folders have to be the same,
+/// Runs a short experiment twice, of methods with one image: its folders have to be the same,
 /// byte for byte.
 fn the_same_files_again() -> Result<()> {
     let place = target_dir()?.join("same-files");
@@ -108,7 +108,7 @@ fn the_same_files_again() -> Result<()> {
             "a short experiment",
             xtask()
                 .args(["testbed", "--duration", "10", "--settle", "10"])
-                .args(["--way", "pixclock,pixclock-pps", "--out"])
+                .args(["--method", "pixclock,pixclock-pps", "--out"])
                 .arg(folder),
         )?;
     }

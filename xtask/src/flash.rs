@@ -4,7 +4,7 @@ use std::process::Command;
 
 use anyhow::{Result, bail};
 
-use crate::image::{self, Board, Variant};
+use crate::image::{self, Board, Build};
 
 /// What probe-rs calls the Pixhawk's chip.
 const CHIP: &str = "STM32F427VITx";
@@ -23,7 +23,7 @@ pub fn flash() -> Result<()> {
              Without a board: `cargo xtask sim`"
         );
     }
-    let image = image::build(Variant::standard(Board::Pixhawk1))?;
+    let image = image::build(Build::standard(Board::Pixhawk1))?;
     image::run(
         Command::new("probe-rs")
             .args(["run", "--chip", CHIP])

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
-use console::Way;
+use console::Variant;
 
 /// The board's target.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
@@ -36,36 +36,36 @@ const GPS_BAUD: u32 = 115_200;
 
 /// What an image is built with.
 #[derive(Clone, Copy, Debug)]
-pub struct Variant {
+pub struct Build {
     /// For which board.
     pub board: Board,
     /// How it keeps the clock, and its tick.
-    pub way: Way,
+    pub variant: Variant,
     /// The rate of the receiver's line, in Bd; the firmware's build refuses what it has not.
     pub gps_baud: u32,
     /// Measures itself instead of keeping time.
     pub bench: bool,
 }
 
-impl Variant {
+impl Build {
     /// What is flashed, for `board`.
     pub const fn standard(board: Board) -> Self {
         Self {
             board,
-            way: Way::STANDARD,
+            variant: Variant::STANDARD,
             gps_baud: GPS_BAUD,
             bench: false,
         }
     }
 }
 
-impl fmt::Display for Variant {
+impl fmt::Display for Build {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}-", self.board)?;
-        if !matches!(self.way, Way::Pixclock { .. }) {
-            write!(f, "{}-", self.way.name())?;
+        if !matches!(self.variant, Variant::Pixclock { .. }) {
+            write!(f, "{}-", self.variant.name())?;
         }
-        write!(f, "{}us", self.way.tick_us())?;
+        write!(f, "{}us", self.variant.tick_us())?;
         if self.gps_baud != GPS_BAUD {
             write!(f, "-{}bd", self.gps_baud)?;
         }
@@ -109,7 +109,7 @@ pub fn run(command: &mut Command) -> Result<()> {
 /// # Errors
 ///
 /// When the build fails; cargo has said why.
-pub fn build(variant: Variant) -> Result<PathBuf> {
+pub fn build(variant: Build) -> Result<PathBuf> {
     let mut features = variant.board.to_string();
     if variant.bench {
         features.push_str(",bench");
@@ -118,8 +118,8 @@ pub fn build(variant: Variant) -> Result<PathBuf> {
         .args(["build", "--quiet", "--release", "--package", "firmware"])
         .args(["--target", TARGET, "--no-default-features"])
         .args(["--features", &features])
-        .env("PIXCLOCK_WAY", variant.way.name())
-        .env("PIXCLOCK_TICK_US", variant.way.tick_us().to_string())
+        .env("PIXCLOCK_VARIANT", variant.variant.name())
+        .env("PIXCLOCK_TICK_US", variant.variant.tick_us().to_string())
         .env("PIXCLOCK_GPS_BAUD", variant.gps_baud.to_string()))?;
     let target = target_dir()?;
     let built = target.join(TARGET).join("release").join("firmware");

@@ -45,7 +45,7 @@ enum Verb {
     Qemu(qemu::QemuOptions),
     /// Count the tick's interrupts on QEMU, at all four settings
     QemuTicks,
-    /// Ask a node for its time
+    /// RequestKind a node for its time
     Ping(ping::Options),
     /// Put a recording of a receiver through the parser and the clock
     Replay(replay::Options),
@@ -69,7 +69,7 @@ enum Verb {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         arguments: Vec<String>,
     },
-    /// Ask `sim` and `qemu` for their time with pymavlink, in a venv of its own
+    /// RequestKind `sim` and `qemu` for their time with pymavlink, in a venv of its own
     Pymavlink,
     /// Everything that has to hold
     Ci,

@@ -19,7 +19,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, Result};
 use jiff::Timestamp;
-use mavlink_node::client::{Client, EARLIEST_UTC_US, GROUND_STATION, Heard, What};
+use mavlink_node::client::{Client, EARLIEST_UTC_US, GROUND_STATION, Message, Received};
 use mavlink_node::{Address as MavAddress, Version};
 use serde_json::json;
 use timebase::{Stamp, StampedByte};
@@ -206,7 +206,7 @@ impl Round {
             let heard = self.listen()?;
             let round_trip = sent.elapsed();
             for heard in heard {
-                if let What::Ping {
+                if let Message::Ping {
                     time_usec,
                     seq: answered,
                     target: GROUND_STATION,
@@ -227,16 +227,16 @@ impl Round {
     }
 
     /// What the node says within a moment.
-    fn listen(&mut self) -> Result<Vec<Heard>> {
+    fn listen(&mut self) -> Result<Vec<Received>> {
         let mut buffer = [0; 1_024];
         let bytes = self.link.receive(&mut buffer)?;
         // The client's own stamps are not used: it tells apart frames, not times.
         let stamp = Stamp(0);
-        let heard: Vec<Heard> = bytes
+        let heard: Vec<Received> = bytes
             .iter()
-            .filter_map(|&byte| self.client.receive(StampedByte { stamp, byte }))
+            .filter_map(|&byte| self.client.push(StampedByte { stamp, byte }))
             .collect();
-        let heartbeat = heard.iter().find(|heard| heard.what == What::Heartbeat);
+        let heartbeat = heard.iter().find(|heard| heard.what == Message::Heartbeat);
         self.somebody = heartbeat.map(|heard| heard.from).or(self.somebody);
         Ok(heard)
     }

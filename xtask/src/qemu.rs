@@ -21,10 +21,10 @@ use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use console::{LogDecoder, Screen, Verdict, Way};
+use console::{LogDecoder, Screen, Variant, Verdict};
 use world::{Receiver, ReceiverSettings, Recording, Talker, WorldNanos};
 
-use crate::image::{self, Board, Variant};
+use crate::image::{self, Board, Build};
 
 /// The emulator and its machine: an STM32F405 with SysTick at 168 MHz.
 const QEMU: &str = "qemu-system-arm";
@@ -78,7 +78,7 @@ pub fn run(options: &QemuOptions) -> Result<ExitCode> {
     let options = &options.run;
     let image = match &options.image {
         Some(image) => image.clone(),
-        None => build(options.way())?,
+        None => build(options.variant())?,
     };
     ctrlc::set_handler(|| ASKED_TO_END.store(true, Ordering::Relaxed))?;
     let screens = thread::scope(|scope| {
@@ -120,10 +120,10 @@ pub fn run(options: &QemuOptions) -> Result<ExitCode> {
 /// # Errors
 ///
 /// When the build fails.
-pub fn build(way: Way) -> Result<PathBuf> {
-    image::build(Variant {
-        way,
-        ..Variant::standard(Board::Qemu)
+pub fn build(variant: Variant) -> Result<PathBuf> {
+    image::build(Build {
+        variant,
+        ..Build::standard(Board::Qemu)
     })
 }
 
@@ -152,8 +152,8 @@ fn run_board(options: &console::Options, image: &Path, index: u16) -> Result<Scr
     if !options.json {
         println!(
             "QEMU {MACHINE} on tcp:127.0.0.1:{port}, {}, tick {} µs",
-            options.way().name(),
-            options.way().tick_us()
+            options.variant().name(),
+            options.variant().tick_us()
         );
     }
     let started = Instant::now();
@@ -314,7 +314,7 @@ fn play(
             Ok(count) => {
                 let baud = player.baud();
                 let heard = buffer.get(..count).unwrap_or_default();
-                player.talker().hear(now(), baud, heard);
+                player.talker().handle_bytes(now(), baud, heard);
             }
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
             Err(_) => bail!("QEMU ended by itself"),

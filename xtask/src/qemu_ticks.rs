@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 
-use console::Way;
+use console::Variant;
 
 use crate::image;
 use crate::qemu::{self, Running};
@@ -51,7 +51,7 @@ pub fn check() -> Result<()> {
 
 /// Interrupts of SysTick in the second between two status lines.
 fn count(tick_us: u32) -> Result<usize> {
-    let image = qemu::build(Way::Pixclock { tick_us })?;
+    let image = qemu::build(Variant::Pixclock { tick_us })?;
     let log = image::target_dir()?.join(format!("qemu-ticks-{tick_us}us.log"));
     let qemu = Running(
         qemu::command(&image)

@@ -83,7 +83,7 @@ pub fn run(options: &Options) -> Result<ExitCode> {
             clock.handle_timeout(clock.poll_timeout());
         }
         for chunk in stamped.chunks(Link::ROOM) {
-            link.hear(chunk);
+            link.push(chunk);
             let then = chunk.last().map_or(now, |byte| byte.stamp.extend(now));
             while let Some(event) = link.poll(then) {
                 let Event::NavPvt { mark, .. } = event else {

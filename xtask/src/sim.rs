@@ -5,7 +5,7 @@ use std::process::{Command, ExitCode};
 use anyhow::Result;
 use console::SimOptions;
 
-use crate::image::{self, Board, Variant};
+use crate::image::{self, Board, Build};
 use crate::tool;
 
 /// Builds the image and the emulator as far as that is still to do, and runs them.
@@ -17,9 +17,9 @@ pub fn run(options: &SimOptions, arguments: &[String]) -> Result<ExitCode> {
     let mut command = Command::new(tool::build("sim")?);
     command.args(arguments);
     if options.shared.image.is_none() {
-        let image = image::build(Variant {
-            way: options.shared.way(),
-            ..Variant::standard(Board::Pixhawk1)
+        let image = image::build(Build {
+            variant: options.shared.variant(),
+            ..Build::standard(Board::Pixhawk1)
         })?;
         command.arg("--image").arg(image);
     }

@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use object::{Object, ObjectSection, SectionFlags, SectionKind};
 
-use crate::image::{self, Board, Variant};
+use crate::image::{self, Board, Build};
 
 /// The most that the image may take, in bytes: a clock, the log of a test, and a card's file system.
 const FLASH_LIMIT: u64 = 104 * 1024;
@@ -33,7 +33,7 @@ pub struct Size {
 ///
 /// When it cannot be built or is too large.
 pub fn check(json: bool) -> Result<()> {
-    let size = measure(&image::build(Variant::standard(Board::Pixhawk1))?)?;
+    let size = measure(&image::build(Build::standard(Board::Pixhawk1))?)?;
     if json {
         let value = serde_json::json!({
             "flash_bytes": size.flash, "flash_limit_bytes": FLASH_LIMIT,

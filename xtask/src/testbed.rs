@@ -1,12 +1,12 @@
 //! `testbed`: the paper's experiment, on virtual boards, on QEMU or on real boards.
 //!
-//! *Purpose.* Builds what each way needs, and has it run where it was asked for.
+//! *Purpose.* Builds what each method needs, and has it run where it was asked for.
 //!
 //! *Design.* The crate `testbed` knows the experiment. Virtual boards are a heavy tool
 //! of their own; here are the boards at the end of a line, which QEMU's are, too:
 //! [`board`] talks with one, [`test`](mod@test) with all of them at once, [`emulated`] starts QEMU.
 //!
-//! *Limits.* QEMU has no input capture, hence no way with the pulse. Real boards run
+//! *Limits.* QEMU has no input capture, hence no method with the pulse. Real boards run
 //! what they were flashed with, one way a call.
 
 mod board;
@@ -19,9 +19,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::{Result, bail};
 use clap::error::ErrorKind;
 use clap::{Args as _, Command as Clap};
-use testbed::{Boards, Image, Keeper, Options, Place, Way, progress};
+use testbed::{Boards, Image, Method, Options, Place, Results, progress};
 
-use crate::image::{self, Board, Variant};
+use crate::image::{self, Board, Build};
 use crate::link::{Address, Link};
 use crate::tool;
 use board::Connected;
@@ -51,19 +51,19 @@ fn wrong_usage(message: &str) -> ! {
 }
 
 /// What an image of the experiment is built as.
-fn variant(board: Board, image: Image) -> Variant {
-    Variant {
-        way: image.way,
+fn variant(board: Board, image: Image) -> Build {
+    Build {
+        variant: image.variant,
         gps_baud: image.gps_baud,
-        ..Variant::standard(board)
+        ..Build::standard(board)
     }
 }
 
-/// The images of `ways`, each once.
-fn images(ways: &[Way], boards: usize) -> Vec<Image> {
+/// The images of `methods`, each once.
+fn images(methods: &[Method], boards: usize) -> Vec<Image> {
     let mut images = Vec::new();
-    for way in ways {
-        for image in (0..boards).map(|index| way.image(index)) {
+    for method in methods {
+        for image in (0..boards).map(|index| method.image(index)) {
             if !images.contains(&image) {
                 images.push(image);
             }
@@ -75,7 +75,7 @@ fn images(ways: &[Way], boards: usize) -> Vec<Image> {
 fn on_virtual_boards(options: &Options, arguments: &[String]) -> Result<ExitCode> {
     let mut command = Command::new(tool::build("testbed")?);
     command.args(arguments);
-    for image in images(&options.ways(), options.crystals.ppb.len()) {
+    for image in images(&options.methods(), options.crystals.ppb.len()) {
         let path = image::build(variant(Board::Pixhawk1, image))?;
         command
             .arg("--image")
@@ -85,45 +85,45 @@ fn on_virtual_boards(options: &Options, arguments: &[String]) -> Result<ExitCode
 }
 
 fn on_qemu(options: &Options) -> Result<ExitCode> {
-    let mut ways = options.ways();
-    ways.retain(|way| !way.has_pulse());
-    if ways.is_empty() {
+    let mut methods = options.methods();
+    methods.retain(|method| !method.has_pulse());
+    if methods.is_empty() {
         wrong_usage("QEMU has no input capture, so no board of it can follow a pulse");
     }
     emulated::check()?;
     catch_ctrl_c()?;
-    let mut keeper = Keeper::new(options, Place::Qemu, conditions(options, "2 on QEMU"))?;
+    let mut results = Results::new(options, Place::Qemu, conditions(options, "2 on QEMU"))?;
     let each_s = u64::from(options.settle) + u64::from(options.duration);
-    let bar = progress::bar(each_s * ways.len() as u64 * options.seeds);
-    'all: for way in ways {
-        let paths = [0, 1].map(|index| image::build(variant(Board::Qemu, way.image(index))));
+    let bar = progress::bar(each_s * methods.len() as u64 * options.seeds);
+    'all: for method in methods {
+        let paths = [0, 1].map(|index| image::build(variant(Board::Qemu, method.image(index))));
         let [one, other] = paths;
         let paths = [one?, other?];
         for seed in options.seeds() {
-            bar.set_message(format!("{way}, seed {seed}"));
+            bar.set_message(format!("{method}, seed {seed}"));
             let run = emulated::with_boards(options, seed, &paths, |boards| {
                 let prepared = test::prepare(options, boards, &bar)?;
-                test::run(options, way, seed, prepared, &bar)
+                test::run(options, method, seed, prepared, &bar)
             });
             match run {
-                Ok(run) => keeper.keep(run),
+                Ok(run) => results.keep(run),
                 Err(error) => {
-                    keeper.cut_short(&format!("{way}, seed {seed}: {error:#}"));
+                    results.cut_short(&format!("{method}, seed {seed}: {error:#}"));
                     break 'all;
                 }
             }
             if is_asked_to_end() {
-                keeper.cut_short("it was stopped by Ctrl-C");
+                results.cut_short("it was stopped by Ctrl-C");
                 break 'all;
             }
         }
     }
     bar.finish_and_clear();
-    keeper.end(options, is_asked_to_end())
+    results.end(options, is_asked_to_end())
 }
 
 fn on_lines(options: &Options, addresses: &[String]) -> Result<ExitCode> {
-    let asked = options.asked_ways();
+    let asked = options.asked_methods();
     if asked.len() > 1 {
         wrong_usage(
             "real boards run one way, the one that they were flashed with: name one --way, or none",
@@ -143,28 +143,28 @@ fn on_lines(options: &Options, addresses: &[String]) -> Result<ExitCode> {
     } else {
         Place::Lines
     };
-    let mut keeper = Keeper::new(options, place, conditions(options, &what))?;
+    let mut results = Results::new(options, place, conditions(options, &what))?;
     let boards = connect(options, &addresses)?;
     let bar = progress::bar(u64::from(options.settle) + u64::from(options.duration));
     bar.set_message("waiting for the clocks");
     let prepared = test::prepare(options, boards, &bar)?;
     test::check_systems(&prepared)?;
-    let way = test::way_of(&prepared)?;
-    if let Some(wanted) = asked.first().filter(|wanted| **wanted != way) {
+    let method = test::method_of(&prepared)?;
+    if let Some(wanted) = asked.first().filter(|wanted| **wanted != method) {
         bail!(
-            "these boards run {way}, not {wanted}: flash them with what docs/hardware.md says \
-             for it, or ask for --way {way}"
+            "these boards run {method}, not {wanted}: flash them with what docs/hardware.md says \
+             for it, or ask for --method {method}"
         );
     }
-    bar.set_message(way.to_string());
+    bar.set_message(method.to_string());
     let seed = options.seed;
-    let run = test::run(options, way, seed, prepared, &bar)?;
+    let run = test::run(options, method, seed, prepared, &bar)?;
     if is_asked_to_end() && run.lasted_s < options.duration {
-        keeper.cut_short("it was stopped by Ctrl-C");
+        results.cut_short("it was stopped by Ctrl-C");
     }
-    keeper.keep(run);
+    results.keep(run);
     bar.finish_and_clear();
-    keeper.end(options, is_asked_to_end())
+    results.end(options, is_asked_to_end())
 }
 
 /// Opens the lines to the boards.

@@ -85,14 +85,14 @@ fn lines(file: &Path) -> usize {
 #[test]
 fn it_measures_what_two_boards_are_apart_and_its_own_noise() {
     let (_kept, out) = folder();
-    let output = testbed(&boards(&behaviours()), 4, &out, &["--way", "pixclock"]);
+    let output = testbed(&boards(&behaviours()), 4, &out, &["--method", "pixclock"]);
     assert_eq!(output.status.code(), Some(0), "{}", told(&output));
     let summary = summary(&output);
-    let way = &summary["ways"][0];
-    assert_eq!(way["way"], "pixclock");
-    let median = way["difference"]["p50_ns"].as_i64().expect("a size");
+    let method = &summary["methods"][0];
+    assert_eq!(method["method"], "pixclock");
+    let median = method["difference"]["p50_ns"].as_i64().expect("a size");
     assert!((median - AHEAD_NS).abs() < AHEAD_NS / 4, "{median}");
-    for board in way["runs"][0]["boards"].as_array().expect("boards") {
+    for board in method["runs"][0]["boards"].as_array().expect("boards") {
         assert_eq!(board["asked"], 200);
         assert_eq!(board["answered"], 200);
         assert_eq!(board["in_own_log"], 200);
@@ -107,7 +107,7 @@ fn it_measures_what_two_boards_are_apart_and_its_own_noise() {
             "{file}"
         );
     }
-    let pairs = way["difference"]["count"].as_u64().expect("a count");
+    let pairs = method["difference"]["count"].as_u64().expect("a count");
     assert_eq!(lines(&folder.join("difference.csv")) as u64, pairs + 1);
     let report = std::fs::read_to_string(out.join("report.html")).expect("a report");
     assert!(report.contains("This host’s own noise") && report.contains("<svg"));
@@ -170,8 +170,8 @@ fn boards_that_hear_one_line_hear_the_same_pings() {
     assert_eq!(output.status.code(), Some(0), "{}", told(&output));
     assert_eq!(unheard.load(Ordering::Relaxed), 0);
     let summary = summary(&output);
-    let way = &summary["ways"][0];
-    let median = way["difference"]["p50_ns"].as_i64().expect("a size");
+    let method = &summary["methods"][0];
+    let median = method["difference"]["p50_ns"].as_i64().expect("a size");
     assert!((median - AHEAD_NS).abs() < AHEAD_NS / 4, "{median}");
     let sent = |board: usize| {
         let file = out.join(format!("pixclock/seed-1/samples-{board}.csv"));
@@ -181,7 +181,7 @@ fn boards_that_hear_one_line_hear_the_same_pings() {
     };
     assert_eq!(sent(1).len(), 150);
     assert_eq!(sent(1), sent(2));
-    for board in way["runs"][0]["boards"].as_array().expect("boards") {
+    for board in method["runs"][0]["boards"].as_array().expect("boards") {
         assert_eq!(board["in_own_log"], 150);
     }
     let output = testbed(&["virtual".to_owned()], 3, &out, &["--one-line"]);
@@ -199,7 +199,7 @@ fn a_board_that_reboots_is_told_and_what_it_said_before_is_kept() {
     let summary = summary(&output);
     // Until then 50 a second, and no sample from after.
     assert!((100..=150).contains(&unspoiled(&out, 2)), "{summary:#}");
-    assert!(summary["ways"][0]["runs"][0]["lasted_s"].as_u64() < Some(10));
+    assert!(summary["methods"][0]["runs"][0]["lasted_s"].as_u64() < Some(10));
 }
 
 #[test]
@@ -210,7 +210,7 @@ fn a_piece_of_a_log_that_is_lost_is_asked_for_again() {
     let output = testbed(&boards(&behaviours), 2, &out, &[]);
     assert_eq!(output.status.code(), Some(0), "{}", told(&output));
     let summary = summary(&output);
-    let boards = &summary["ways"][0]["runs"][0]["boards"];
+    let boards = &summary["methods"][0]["runs"][0]["boards"];
     assert_eq!(boards[0]["in_own_log"], boards[0]["answered"]);
     // Byte for byte as the other one, whose log came at once, but for its times.
     let log = |n: u32| {
@@ -238,7 +238,10 @@ fn a_log_that_is_not_to_be_had_is_told_and_its_answers_are_kept() {
         "{told}"
     );
     let summary = summary(&output);
-    assert_eq!(summary["ways"][0]["runs"][0]["boards"][1]["answered"], 100);
+    assert_eq!(
+        summary["methods"][0]["runs"][0]["boards"][1]["answered"],
+        100
+    );
     assert!(!stale.exists());
 }
 
@@ -273,7 +276,7 @@ fn a_board_that_falls_silent_is_told_and_what_it_said_before_is_kept() {
     );
     let summary = summary(&output);
     assert!((50..=100).contains(&unspoiled(&out, 2)), "{summary:#}");
-    assert!(summary["ways"][0]["runs"][0]["lasted_s"].as_u64() < Some(15));
+    assert!(summary["methods"][0]["runs"][0]["lasted_s"].as_u64() < Some(15));
 }
 
 #[test]
@@ -303,7 +306,12 @@ fn boards_that_cannot_be_tested_together_are_refused_in_a_sentence() {
         assert!(told.contains(sentence), "{told}");
         assert_eq!(told.lines().count(), 1, "{told}");
     }
-    let output = testbed(&boards(&behaviours()), 1, &out, &["--way", "paper-step1"]);
+    let output = testbed(
+        &boards(&behaviours()),
+        1,
+        &out,
+        &["--method", "paper-step1"],
+    );
     assert_eq!(output.status.code(), Some(1));
     assert!(told(&output).contains("these boards run pixclock, not paper-step1"));
 }

@@ -34,9 +34,9 @@ const MAVLINK_BAUD: u32 = 115_200;
 
 /// The interrupts that the executors run in: those of the camera interface and the
 /// second CAN, which this firmware has no use for.
-pub const PROMPT: Interrupt = Interrupt::DCMI;
-/// See [`PROMPT`].
-pub const PATIENT: Interrupt = Interrupt::CAN2_TX;
+pub const EXECUTOR_HIGH: Interrupt = Interrupt::DCMI;
+/// See [`EXECUTOR_HIGH`].
+pub const EXECUTOR_LOW: Interrupt = Interrupt::CAN2_TX;
 
 /// Everything that the tasks use of a board.
 pub struct Board {
@@ -97,8 +97,8 @@ pub fn init() -> Board {
         (Interrupt::UART4, priorities::SERIAL),
         (Interrupt::USART2, priorities::SERIAL),
         (Interrupt::TIM4, priorities::PULSE),
-        (PROMPT, priorities::PROMPT),
-        (PATIENT, priorities::PATIENT),
+        (EXECUTOR_HIGH, priorities::EXECUTOR_HIGH),
+        (EXECUTOR_LOW, priorities::EXECUTOR_LOW),
     ] {
         // SAFETY: the priorities are those of the table; nothing is unmasked yet.
         unsafe { core.NVIC.set_priority(interrupt, priority) };

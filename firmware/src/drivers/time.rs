@@ -26,7 +26,7 @@ use embassy_time_driver::Driver;
 use embassy_time_queue_utils::Queue;
 use stm32f4xx_hal::pac::TIM5;
 use timebase::sleep::wakes_at;
-use timebase::tick::{self, Counters, Word};
+use timebase::tick::{self, CounterPair, Word};
 use timebase::{CORE_HZ, Cycles, Stamp};
 
 use crate::settings::TICK_US;
@@ -42,7 +42,7 @@ static WORDS: [AtomicU32; 4] = [const { AtomicU32::new(0) }; 4];
 static ALARM: AtomicU32 = AtomicU32::new(0);
 static STARTED: AtomicBool = AtomicBool::new(false);
 
-impl Counters for Registers {
+impl CounterPair for Registers {
     const PERIOD: u32 = CORE_HZ / 1_000_000 * TICK_US;
     const RATIO: u32 = board::WITNESS_RATIO;
 

@@ -36,7 +36,7 @@ use stm32f4xx_hal::pac::usart1::RegisterBlock;
 use timebase::{CORE_HZ, Stamp, StampedByte};
 
 use super::time;
-use crate::settings::WAY;
+use crate::settings::VARIANT;
 
 /// SR and CR1 of RM0090, sections 30.6.1 and 30.6.4.
 mod bits {
@@ -183,7 +183,7 @@ impl Line {
             if incoming.push_back(StampedByte { stamp, byte }).is_err() {
                 self.count(Kind::IncomingFull);
             }
-            if WAY.is_papers() {
+            if VARIANT.is_papers() {
                 self.look_as_px4(stamp);
             }
         }
@@ -224,7 +224,7 @@ impl Line {
 
     /// Wakes the reading task when it is worth it: when [`WORTH_WAKING`] bytes wait,
     /// or when some do and no more have come since the last call. To be called once
-    /// a millisecond. In the paper's ways when any do, see [`Self::look_as_px4`].
+    /// a millisecond. In the paper's variants when any do, see [`Self::look_as_px4`].
     #[inline]
     pub fn wake_reader(&self) {
         let waiting = self.with_incoming(|incoming| incoming.len());
@@ -233,7 +233,7 @@ impl Line {
         }
         let has_paused = self.waiting.load(Relaxed) == waiting;
         self.waiting.store(waiting, Relaxed);
-        if WAY.is_papers() || has_paused || waiting >= WORTH_WAKING {
+        if VARIANT.is_papers() || has_paused || waiting >= WORTH_WAKING {
             self.reader.wake();
         }
     }

@@ -12,7 +12,7 @@ use crate::drivers::pulse::Pulse;
 use crate::drivers::time;
 use crate::drivers::uart::{INCOMING, Reader, Writer};
 use crate::settings;
-use crate::shared::{CLOCK, GNSS, GnssReport, NEWS, News};
+use crate::shared::{CLOCK, CLOCK_EVENTS, ClockEvent, GNSS, GnssReport};
 
 /// From report to report, in cycles: 1 s.
 pub(super) const REPORT_EVERY: u64 = CORE_HZ as u64;
@@ -74,7 +74,7 @@ impl Receiver {
     /// Takes what has come in.
     fn listen(&mut self, reader: &mut Reader, now: Cycles) {
         reader.take(|bytes| {
-            self.link.hear(bytes);
+            self.link.push(bytes);
         });
         while let Some(event) = self.link.poll(now) {
             self.configuration.handle_event(now, &event);
@@ -94,7 +94,7 @@ impl Receiver {
         match self.clock.handle_mark(mark, time::now()) {
             Outcome::Set => {
                 defmt::info!("the clock is set");
-                tell(News::Set);
+                tell(ClockEvent::Set);
             }
             Outcome::Stepped { by_ns } => tell_step(by_ns),
             Outcome::Slewed { .. } | Outcome::Confirmed | Outcome::Refused(_) => {}
@@ -118,11 +118,11 @@ impl Receiver {
         match (before == Source::Pulse, self.source == Source::Pulse) {
             (false, true) => {
                 defmt::info!("the pulse steers the clock");
-                tell(News::PulseFollowed);
+                tell(ClockEvent::PulseFollowed);
             }
             (true, false) => {
                 defmt::warn!("the pulse does not steer the clock any more");
-                tell(News::PulseLost);
+                tell(ClockEvent::PulseLost);
             }
             _ => {}
         }
@@ -161,12 +161,12 @@ impl Receiver {
 
 fn tell_step(by_ns: i64) {
     defmt::warn!("the clock steps by {=i64} ns", by_ns);
-    tell(News::Stepped { by_ns });
+    tell(ClockEvent::Stepped { by_ns });
 }
 
-pub(super) fn tell(news: News) {
+pub(super) fn tell(news: ClockEvent) {
     // A full queue means that nobody listens; the log has it.
-    let _ = NEWS.try_send(news);
+    let _ = CLOCK_EVENTS.try_send(news);
 }
 
 /// The first of embassy's µs that is not earlier than `time`.

@@ -11,7 +11,9 @@ use core::future::pending;
 use embassy_futures::select::{Either3, select3};
 use embassy_time::{Duration, Ticker, Timer};
 use heapless::{String, Vec};
-use mavlink_node::{Ask, Command, Config, Fix, GpsFix, Node, PingReply, Request, Severity, Test};
+use mavlink_node::{
+    Command, Config, Fix, GpsFix, Node, PingReply, Request, RequestKind, Severity, Test,
+};
 use sample_log::{Kept, Sample, SampleLog, State};
 use timebase::{CORE_HZ, StampedByte};
 use utc_clock::{ClockState, Reading};
@@ -21,7 +23,7 @@ use crate::drivers::uart::{INCOMING, Reader, Writer};
 use crate::holdings;
 use crate::samples::SAMPLES;
 use crate::settings;
-use crate::shared::{self, GNSS, MAVLINK, MavlinkReport, NEWS, News};
+use crate::shared::{self, CLOCK_EVENTS, ClockEvent, GNSS, MAVLINK, MavlinkReport};
 use crate::storage::NotSaved;
 
 /// A solution is told for so long, in cycles: 2 s. Then the receiver is silent.
@@ -77,7 +79,7 @@ pub async fn run(mut reader: Reader, mut writer: Writer) {
             }
         });
         for &byte in batch.get(..waiting).unwrap_or_default() {
-            if let Some(request) = node.receive(byte, now) {
+            if let Some(request) = node.push(byte, now) {
                 serve(&mut node, &mut writer, &request);
             }
         }
@@ -95,19 +97,19 @@ pub async fn run(mut reader: Reader, mut writer: Writer) {
 fn serve(node: &mut Node, writer: &mut Writer, request: &Request) {
     let (time, reading) = shared::told_at(request.arrival);
     match request.ask {
-        Ask::Command(Command {
+        RequestKind::Command(Command {
             meaning: Ok(Test::Ends),
             ..
         }) => SAMPLES.end_test(),
-        Ask::Command(Command {
+        RequestKind::Command(Command {
             meaning: Ok(Test::Begins),
             ..
         })
-        | Ask::EraseLog => SAMPLES.with(SampleLog::clear),
-        Ask::Command(_) | Ask::Ping { .. } | Ask::TimeSync { .. } => {}
+        | RequestKind::EraseLog => SAMPLES.with(SampleLog::clear),
+        RequestKind::Command(_) | RequestKind::Ping { .. } | RequestKind::TimeSync { .. } => {}
     }
     let is_answered = writer.send(&node.answer(request, time));
-    if let Ask::Ping { time_usec, seq } = request.ask
+    if let RequestKind::Ping { time_usec, seq } = request.ask
         && is_answered
     {
         record(time_usec, seq, time.rtos_ns(), reading);
@@ -129,7 +131,7 @@ fn record(ping_us: u64, sequence: u32, board_ns: i64, reading: Reading) {
     };
     if SAMPLES.with(|log| log.record(&sample)) == Kept::Last {
         // A full queue means that nobody listens; PC_LOG_MISSED has it.
-        let _ = NEWS.try_send(News::LogFull);
+        let _ = CLOCK_EVENTS.try_send(ClockEvent::LogFull);
     }
 }
 
@@ -149,31 +151,34 @@ fn once_a_second(node: &mut Node, writer: &mut Writer) {
         None => (node_time, GpsFix::NONE),
     };
     writer.send(&node.gps_raw_int(fix_time, &fix));
-    while let Ok(news) = NEWS.try_receive() {
+    while let Ok(news) = CLOCK_EVENTS.try_receive() {
         let severity = match news {
-            News::Set | News::PulseFollowed | News::Saved { .. } => Severity::Notice,
-            News::Stepped { .. } | News::PulseLost | News::LogFull | News::NotSaved(_) => {
-                Severity::Warning
+            ClockEvent::Set | ClockEvent::PulseFollowed | ClockEvent::Saved { .. } => {
+                Severity::Notice
             }
+            ClockEvent::Stepped { .. }
+            | ClockEvent::PulseLost
+            | ClockEvent::LogFull
+            | ClockEvent::NotSaved(_) => Severity::Warning,
         };
         writer.send(&node.statustext(severity, &in_words(news)));
     }
 }
 
 /// What happened, in less than the 50 characters of a STATUSTEXT.
-fn in_words(news: News) -> String<50> {
+fn in_words(news: ClockEvent) -> String<50> {
     let mut text = String::new();
     let (before, number, behind) = match news {
-        News::Set => ("clock set", None, ""),
-        News::Stepped { by_ns } => ("clock stepped by ", Some(by_ns), " ns"),
-        News::PulseFollowed => ("clock follows the pulse", None, ""),
-        News::PulseLost => ("clock lost the pulse", None, ""),
-        News::LogFull => ("log full", None, ""),
-        News::Saved { file, samples } => {
+        ClockEvent::Set => ("clock set", None, ""),
+        ClockEvent::Stepped { by_ns } => ("clock stepped by ", Some(by_ns), " ns"),
+        ClockEvent::PulseFollowed => ("clock follows the pulse", None, ""),
+        ClockEvent::PulseLost => ("clock lost the pulse", None, ""),
+        ClockEvent::LogFull => ("log full", None, ""),
+        ClockEvent::Saved { file, samples } => {
             push_number(&mut text, samples.into());
             (" samples saved to the card, file ", Some(file.into()), "")
         }
-        News::NotSaved(why) => {
+        ClockEvent::NotSaved(why) => {
             let why = match why {
                 NotSaved::NoSlot => "this board has no card slot",
                 NotSaved::NoCard => "no card in the slot",

@@ -1,11 +1,11 @@
-//! The GNSS task in the paper's ways: PX4 1.9's poll, sleep, read, parse, set the clock.
+//! The GNSS task in the paper's variants: PX4 1.9's poll, sleep, read, parse, set the clock.
 //!
 //! *Purpose.* What the paper's boards did with the receiver's bytes, on the same board as ours.
 //!
 //! *Design.* `pollOrRead` of PX4's `src/drivers/gps/gps.cpp`: once bytes are seen, the task
 //! sleeps as [`Wait`] says, in whole ticks, reads what is there by then, and each NAV-PVT in it
 //! sets the clock as of the last tick ([`PaperClock`]). Framing and configuration are those of
-//! [`gnss`](super::gnss), so that the receiver says the same at the same moments in each way.
+//! [`gnss`](super::gnss), so that the receiver says the same at the same moments in each variant.
 //!
 //! *Limits.* What costs a PX4 more is left out, in its favour: the dozens of other tasks; the
 //! other messages that it asks the receiver for; that a read sees the DMA's bytes only as of its
@@ -23,13 +23,13 @@ use super::gnss::{REPORT_EVERY, first_instant_after, tell};
 use crate::drivers::pulse::EdgeCounters;
 use crate::drivers::time;
 use crate::drivers::uart::{Reader, Writer};
-use crate::settings::{GPS_BAUD, WAY, Way};
-use crate::shared::{CLOCK, GNSS, GnssReport, News};
+use crate::settings::{GPS_BAUD, VARIANT, Variant};
+use crate::shared::{CLOCK, ClockEvent, GNSS, GnssReport};
 
 /// Between poll and read.
-const WAIT: Wait = match WAY {
-    Way::PaperStep1 | Way::PaperStep2 => Wait::Constant,
-    Way::PaperDefault | Way::Pixclock => Wait::ForCharacters { baud: GPS_BAUD },
+const WAIT: Wait = match VARIANT {
+    Variant::PaperStep1 | Variant::PaperStep2 => Wait::Constant,
+    Variant::PaperDefault | Variant::Pixclock => Wait::ForCharacters { baud: GPS_BAUD },
 };
 
 /// Runs for ever, on the prompt executor.
@@ -76,7 +76,7 @@ impl Receiver {
     /// Takes what has come in, and sets the clock by it.
     fn read(&mut self, reader: &mut Reader) {
         reader.take(|bytes| {
-            self.link.hear(bytes);
+            self.link.push(bytes);
         });
         let now = time::now();
         while let Some(event) = self.link.poll(now) {
@@ -85,7 +85,7 @@ impl Receiver {
                 self.fix = Some((mark.arrival, fix));
                 if self.clock.handle_mark(&mark, time::last_tick()) == Outcome::Set {
                     defmt::info!("the clock is set");
-                    tell(News::Set);
+                    tell(ClockEvent::Set);
                 }
             }
         }

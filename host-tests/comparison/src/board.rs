@@ -87,7 +87,7 @@ impl<'a> Board<'a> {
 
     /// Hears that `epoch_utc_ns` was told by a message whose first byte arrived at
     /// `arrival`; says whether the clock followed it.
-    pub fn hear(&mut self, arrival: Cycles, epoch_utc_ns: i64, now: Cycles) -> bool {
+    pub fn handle_arrival(&mut self, arrival: Cycles, epoch_utc_ns: i64, now: Cycles) -> bool {
         self.pass_until(now);
         let Some(mark) = good_mark(arrival, epoch_utc_ns) else {
             return false;

@@ -49,7 +49,7 @@ pub enum Quantity {
     ConvergedBy(u64),
     /// The share of readings whose uncertainty held the error.
     Coverage,
-    /// The same against UTC, with the doubt about an unknown latency.
+    /// The same against UTC, with the uncertainty about an unknown latency.
     CoverageUtc,
     /// The mean uncertainty over the mean error.
     Width,

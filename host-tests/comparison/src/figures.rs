@@ -44,7 +44,7 @@ pub struct Figures {
     /// Ours over that of the floors, both as means over all times.
     pub ever_over_floors: f64,
     /// Which share of the readings was within its uncertainty, and of those against
-    /// UTC within the sum of it and the doubt about an unknown latency.
+    /// UTC within the sum of it and the uncertainty about an unknown latency.
     pub coverage: f64,
     /// See [`Figures::coverage`].
     pub coverage_utc: f64,

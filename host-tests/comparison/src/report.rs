@@ -201,7 +201,7 @@ pub fn named(quantity: Quantity) -> String {
         Quantity::EverOverFloors => "mean over the floors' at all times",
         Quantity::ConvergedBy(s) => return format!("converged by {s} s"),
         Quantity::Coverage => "uncertainty holds the error",
-        Quantity::CoverageUtc => "uncertainty and doubt hold UTC",
+        Quantity::CoverageUtc => "uncertainty and the latency's hold UTC",
         Quantity::Width => "uncertainty over error",
         Quantity::Fouls => "readings that break the rules",
     }

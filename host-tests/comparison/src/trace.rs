@@ -152,9 +152,9 @@ impl Trace {
         while now <= last.arrival {
             while let Some(row) = rows.next_if(|row| row.arrival <= now) {
                 let arrival = cycles(row.arrival);
-                board.hear(arrival, row.utc, arrival);
+                board.handle_arrival(arrival, row.utc, arrival);
                 for rival in &mut rivals {
-                    rival.hear(row.arrival, row.utc);
+                    rival.handle_mark(row.arrival, row.utc);
                 }
             }
             let stamp = cycles(now);

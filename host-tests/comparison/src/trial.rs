@@ -36,7 +36,7 @@ const CRYSTAL_PPB: f64 = 50_000.0;
 const RECEIVER_PPB: i32 = 1_000;
 /// A stored frequency is off by at most so many ppb: a crystal's ageing in a year,
 /// or 10 °C where its curve is flat.
-const STORED_DOUBT_PPB: i32 = 500;
+const STORED_UNCERTAINTY_PPB: i32 = 500;
 
 /// A contestant in a trial: the difference between its two boards, in ns.
 #[derive(Clone, Debug, Default)]
@@ -57,7 +57,7 @@ pub struct Own {
     pub uncertainty_sum: u64,
     /// How many of the errors those held.
     pub covered: u64,
-    /// How many of the errors against UTC they held, with the doubt about an
+    /// How many of the errors against UTC they held, with the uncertainty about an
     /// unknown latency added.
     pub covered_utc: u64,
     /// How far each minute's rate in the window was off, in 10⁻¹².
@@ -103,7 +103,7 @@ pub fn run(case: &Case, temperature: Temperature, seed: u64) -> Trial {
             crystal_ppb: (rng.f64() * 2.0 - 1.0) * CRYSTAL_PPB,
             warms: rng.bool(),
             phase: rng.u32(0..1_000_000),
-            stored_off_ppb: rng.i32(-STORED_DOUBT_PPB..=STORED_DOUBT_PPB),
+            stored_off_ppb: rng.i32(-STORED_UNCERTAINTY_PPB..=STORED_UNCERTAINTY_PPB),
             receiver_ppb: rng.i32(-RECEIVER_PPB..=RECEIVER_PPB),
         };
         world.live(case, temperature, &moments)
@@ -173,18 +173,18 @@ impl BoardWorld {
     fn settings(&self, case: &Case) -> Settings {
         // Under the pulse nothing depends on the receiver's latency. Without it, the
         // clock's own part of the uncertainty is what is measured.
-        let latency_doubt_ns = match case.pulse {
-            Some(_) => Settings::DEFAULT.latency_doubt_ns,
+        let latency_uncertainty_ns = match case.pulse {
+            Some(_) => Settings::DEFAULT.latency_uncertainty_ns,
             None => 0,
         };
         let unknown = Settings {
-            latency_doubt_ns,
+            latency_uncertainty_ns,
             ..Settings::DEFAULT
         };
         if case.stored {
             Settings {
                 frequency: Ppb(self.stored_off_ppb - self.crystal_ppb.round() as i32),
-                frequency_doubt: Ppb(STORED_DOUBT_PPB),
+                frequency_uncertainty: Ppb(STORED_UNCERTAINTY_PPB),
                 ..unknown
             }
         } else {
@@ -218,9 +218,9 @@ impl BoardWorld {
                 let (happened, now) = (cycles(event.happened), cycles(event.handled));
                 match event.what {
                     What::Mark { epoch_utc_ns } => {
-                        board.hear(happened, epoch_utc_ns, now);
+                        board.handle_arrival(happened, epoch_utc_ns, now);
                         for rival in &mut rivals {
-                            rival.hear(nominal_ns(happened), epoch_utc_ns);
+                            rival.handle_mark(nominal_ns(happened), epoch_utc_ns);
                         }
                     }
                     What::Pulse => board.pulse(&PulseMark { edge: happened }, now),
@@ -299,7 +299,7 @@ fn side_by_side(case: &Case, moments: &[u64], [one, other]: [Life; 2], mut trial
 impl Own {
     fn add(&mut self, case: &Case, window: &[usize], life: Life) {
         let floor = if case.pulse.is_some() { 0 } else { life.least };
-        let doubt = u64::from(Settings::DEFAULT.latency_doubt_ns);
+        let latency_uncertainty = u64::from(Settings::DEFAULT.latency_uncertainty_ns);
         for &index in window {
             let Some((error, uncertainty)) = life.ours[index] else {
                 continue;
@@ -309,7 +309,8 @@ impl Own {
             let uncertainty = u64::from(uncertainty);
             self.uncertainty_sum += uncertainty;
             self.covered += u64::from(against_floor <= uncertainty);
-            self.covered_utc += u64::from(error.unsigned_abs() <= uncertainty + doubt);
+            self.covered_utc +=
+                u64::from(error.unsigned_abs() <= uncertainty + latency_uncertainty);
         }
         for &index in window.iter().step_by(10) {
             let later = index + RATE_OVER;

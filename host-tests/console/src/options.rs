@@ -15,7 +15,7 @@ use std::time::Duration;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 
-use crate::Way;
+use crate::Variant;
 
 /// The periods of SysTick that the firmware can be built with, in µs.
 pub const TICKS_US: [u32; 4] = [1_000, 500, 200, 50];
@@ -52,10 +52,10 @@ pub struct Options {
     #[arg(long, value_name = "N", default_value = "50", value_parser = tick_parser())]
     tick_us: u32,
 
-    /// Build the firmware for another way to keep the clock: paper-default, paper-step1,
+    /// Build the firmware for another variant of keeping the clock: paper-default, paper-step1,
     /// paper-step2:500, paper-step2:200 or paper-step2:50
-    #[arg(long, value_name = "WAY", conflicts_with = "tick_us")]
-    way: Option<Way>,
+    #[arg(long, value_name = "VARIANT", conflicts_with = "tick_us")]
+    variant: Option<Variant>,
 
     /// The TCP port of the first board's MAVLink; the next boards take the next ports
     #[arg(long, value_name = "P", default_value_t = DEFAULT_MAVLINK_PORT, value_parser = clap::value_parser!(u16).range(1_024..=MAX_PORT))]
@@ -86,7 +86,7 @@ pub struct SimOptions {
     pub shared: Options,
 
     /// Wire the simulated receiver's time pulse to the board, too
-    #[arg(long, conflicts_with_all = ["ubx", "way"])]
+    #[arg(long, conflicts_with_all = ["ubx", "variant"])]
     pub pulse: bool,
 }
 
@@ -99,9 +99,9 @@ impl Options {
 
     /// How the firmware is to keep the clock.
     #[must_use]
-    pub fn way(&self) -> Way {
+    pub fn variant(&self) -> Variant {
         let tick_us = self.tick_us;
-        self.way.unwrap_or(Way::Pixclock { tick_us })
+        self.variant.unwrap_or(Variant::Pixclock { tick_us })
     }
 
     /// The MAVLink port of board `index`, counted from 0 and below
@@ -148,7 +148,7 @@ mod tests {
     #[test]
     fn without_options_it_is_one_board_at_50_us_on_5760_until_ctrl_c() {
         let options = parse(&[]).unwrap();
-        assert_eq!((options.boards, options.way()), (1, Way::STANDARD));
+        assert_eq!((options.boards, options.variant()), (1, Variant::STANDARD));
         assert_eq!(options.mavlink_port_of(0), 5_760);
         assert_eq!(options.duration(), None);
     }
@@ -157,7 +157,7 @@ mod tests {
     fn every_tick_that_can_be_built_is_taken_and_another_is_refused_with_the_list() {
         for tick in TICKS_US {
             let options = parse(&["--tick-us", &tick.to_string()]).unwrap();
-            assert_eq!(options.way(), Way::Pixclock { tick_us: tick });
+            assert_eq!(options.variant(), Variant::Pixclock { tick_us: tick });
         }
         let error = parse(&["--tick-us", "100"]).unwrap_err();
         assert_eq!(error.exit_code(), 2);
@@ -165,12 +165,12 @@ mod tests {
     }
 
     #[test]
-    fn a_way_of_the_papers_has_its_own_tick() {
-        let options = parse(&["--way", "paper-step2:200"]).unwrap();
-        assert_eq!(options.way(), Way::PaperStep2 { tick_us: 200 });
+    fn a_variant_of_the_papers_has_its_own_tick() {
+        let options = parse(&["--variant", "paper-step2:200"]).unwrap();
+        assert_eq!(options.variant(), Variant::PaperStep2 { tick_us: 200 });
         for wrong in [
-            ["--way", "paper-step2"].as_slice(),
-            &["--way", "paper-step1", "--tick-us", "1000"],
+            ["--variant", "paper-step2"].as_slice(),
+            &["--variant", "paper-step1", "--tick-us", "1000"],
         ] {
             assert_eq!(parse(wrong).unwrap_err().exit_code(), 2, "{wrong:?}");
         }
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pulse_needs_a_receiver_that_makes_one_and_a_way_that_follows_it() {
+    fn a_pulse_needs_a_receiver_that_makes_one_and_a_variant_that_follows_it() {
         #[derive(clap::Parser, Debug)]
         struct Sim {
             #[command(flatten)]
@@ -214,7 +214,7 @@ mod tests {
         };
         let options = parse(&["--tick-us", "200"]).unwrap();
         assert!(options.pulse);
-        for wrong in [["--ubx", "a.ubx"], ["--way", "paper-step1"]] {
+        for wrong in [["--ubx", "a.ubx"], ["--variant", "paper-step1"]] {
             assert_eq!(parse(&wrong).unwrap_err().exit_code(), 2, "{wrong:?}");
         }
     }

@@ -2,18 +2,18 @@
 //!
 //! *Purpose.* The bounds of the experiment on virtual boards, judged on what was run.
 //!
-//! *Design.* Each bound is there only when the ways that it speaks of were run. Means
-//! are over all runs of a way.
+//! *Design.* Each bound is there only when the methods that it speaks of were run. Means
+//! are over all runs of a method.
 //!
 //! *Limits.* How the paper's own steps rank among each other is no bound: what their
 //! receivers, oscillators and load were is not known.
 
+use crate::method::Method;
 use crate::run::{Experiment, Place, Run};
-use crate::way::Way;
 
 /// pixclock's mean difference, in ns.
 const PIXCLOCK_NS: f64 = 300_000.0;
-/// How much better than the paper's best way pixclock is.
+/// How much better than the paper's best method pixclock is.
 const BETTER: f64 = 20.0;
 /// The same on the pulse, as seen through PINGs, in ns.
 const PULSE_NS: f64 = 500.0;
@@ -38,12 +38,12 @@ pub fn judge(experiment: &Experiment) -> Vec<Bound> {
     if experiment.place != Place::Virtual {
         return Vec::new();
     }
-    let mean = |way| experiment.estimate(way).map(|estimate| estimate.mean);
-    let ours = mean(Way::Pixclock);
-    let pulse = mean(Way::PixclockPps);
-    let best = mean(Way::PaperStep2(50));
-    let mixed = mean(Way::PaperDefaultMixed);
-    let step1 = mean(Way::PaperStep1);
+    let mean = |method| experiment.estimate(method).map(|estimate| estimate.mean);
+    let ours = mean(Method::Pixclock);
+    let pulse = mean(Method::PixclockPps);
+    let best = mean(Method::PaperStep2(50));
+    let mixed = mean(Method::PaperDefaultMixed);
+    let step1 = mean(Method::PaperStep1);
     let mut bounds = Vec::new();
     let mut hold = |text, measured, holds| {
         bounds.push(Bound {

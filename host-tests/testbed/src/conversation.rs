@@ -4,7 +4,7 @@
 //! [`Record`].
 //!
 //! *Design.* Without I/O and without a clock: who talks with the board hands over what
-//! it said and when. The board's own words tell its troubles: a time since boot that
+//! it said and when. The board's own words tell its anomalies: a time since boot that
 //! goes back (SYSTEM_TIME) is a reboot, an answer before 2016 is a clock that is not
 //! set, GPS_RAW_INT without a receiver is a receiver that is lost, silence is silence.
 //!
@@ -13,9 +13,9 @@
 
 use std::collections::BTreeMap;
 
-use mavlink_node::client::{EARLIEST_UTC_US, What};
+use mavlink_node::client::{EARLIEST_UTC_US, Message};
 
-use crate::record::{Record, Sample, Trouble, Verdict};
+use crate::record::{Anomaly, Record, Sample, Verdict};
 
 /// How long a receiver has been lost at most when it is told, in ns.
 const LOST_BEFORE_NS: i64 = 3_000_000_000;
@@ -67,10 +67,10 @@ impl Conversation {
     }
 
     /// The board said `what` at `now_ns`.
-    pub fn heard(&mut self, now_ns: i64, what: &What) {
+    pub fn heard(&mut self, now_ns: i64, what: &Message) {
         self.last_heard_ns = Some(now_ns);
         match *what {
-            What::SystemTime { time_boot_ms, .. } => {
+            Message::SystemTime { time_boot_ms, .. } => {
                 if self.last_boot_ms.is_some_and(|last| time_boot_ms < last)
                     && self.rebooted_ns.is_none()
                 {
@@ -78,7 +78,7 @@ impl Conversation {
                 }
                 self.last_boot_ms = Some(time_boot_ms);
             }
-            What::Ping { time_usec, seq, .. } => {
+            Message::Ping { time_usec, seq, .. } => {
                 let Some(&sent_ns) = self.sent.get(&seq) else {
                     return;
                 };
@@ -92,7 +92,7 @@ impl Conversation {
                     verdict: Verdict::Good,
                 });
             }
-            What::Fix { fix_type } => self.heard_of_receiver(now_ns, fix_type != NO_RECEIVER),
+            Message::Fix { fix_type } => self.heard_of_receiver(now_ns, fix_type != NO_RECEIVER),
             _ => {}
         }
     }
@@ -145,31 +145,31 @@ impl Conversation {
                 Verdict::Good
             };
         }
-        let mut troubles = Vec::new();
+        let mut anomalies = Vec::new();
         if samples.is_empty() && !self.sent.is_empty() {
-            troubles.push(Trouble::NoAnswer);
+            anomalies.push(Anomaly::NoAnswer);
         } else if samples
             .iter()
             .all(|sample| sample.verdict == Verdict::NotSet)
         {
-            troubles.push(Trouble::NeverSet);
+            anomalies.push(Anomaly::NeverSet);
         }
-        // A receiver that was found before the test began is no trouble.
+        // A receiver that was found before the test began is no anomaly.
         let deaf = self.deaf.iter().filter(|&&(_, to)| to > 0);
-        troubles.extend(deaf.map(|&(from, _)| Trouble::LostReceiver(from)));
-        troubles.extend(self.rebooted_ns.map(Trouble::Rebooted));
+        anomalies.extend(deaf.map(|&(from, _)| Anomaly::LostReceiver(from)));
+        anomalies.extend(self.rebooted_ns.map(Anomaly::Rebooted));
         let is_silent = self.fell_silent_ns.filter(|_| self.rebooted_ns.is_none());
-        troubles.extend(
+        anomalies.extend(
             is_silent
                 .filter(|_| !samples.is_empty())
-                .map(Trouble::FellSilent),
+                .map(Anomaly::FellSilent),
         );
         Record {
             name: self.name,
             asked: self.sent.len() as u32,
             line_full: None,
             samples,
-            troubles,
+            anomalies,
             send_delays_ns: self.send_delays_ns,
             own_log: None,
         }
@@ -192,7 +192,7 @@ mod tests {
             system: 255,
             component: 190,
         };
-        let what = What::Ping {
+        let what = Message::Ping {
             time_usec: board_us,
             seq: sequence,
             target,
@@ -201,7 +201,7 @@ mod tests {
     }
 
     fn system_time(conversation: &mut Conversation, now_ns: i64, time_boot_ms: u32) {
-        let what = What::SystemTime {
+        let what = Message::SystemTime {
             time_unix_usec: 0,
             time_boot_ms,
         };
@@ -222,7 +222,7 @@ mod tests {
         assert_eq!((record.asked, record.samples.len()), (2, 1));
         assert_eq!(record.samples[0].round_trip_ns, 5 * MS);
         assert_eq!(record.samples[0].error_ns, Some(7_000));
-        assert_eq!(record.troubles, []);
+        assert_eq!(record.anomalies, []);
     }
 
     #[test]
@@ -240,8 +240,8 @@ mod tests {
         let record = conversation.end(None);
         let expected = [Verdict::Good, Verdict::Good, Verdict::AfterReboot];
         assert_eq!(verdicts(&record), expected);
-        assert_eq!(record.troubles, [Trouble::Rebooted(1_700 * MS)]);
-        assert!(record.troubles[0].to_string().contains("rebooted 1.7 s"));
+        assert_eq!(record.anomalies, [Anomaly::Rebooted(1_700 * MS)]);
+        assert!(record.anomalies[0].to_string().contains("rebooted 1.7 s"));
     }
 
     #[test]
@@ -251,15 +251,15 @@ mod tests {
             answer(&mut conversation, sequence, UTC_US);
         }
         // Found before the test began.
-        conversation.heard(-9 * SECOND, &What::Fix { fix_type: 0 });
-        conversation.heard(-8 * SECOND, &What::Fix { fix_type: 3 });
-        conversation.heard(2 * SECOND, &What::Fix { fix_type: 3 });
-        conversation.heard(5 * SECOND, &What::Fix { fix_type: 0 });
-        conversation.heard(8 * SECOND, &What::Fix { fix_type: 0 });
-        conversation.heard(10 * SECOND, &What::Fix { fix_type: 2 });
+        conversation.heard(-9 * SECOND, &Message::Fix { fix_type: 0 });
+        conversation.heard(-8 * SECOND, &Message::Fix { fix_type: 3 });
+        conversation.heard(2 * SECOND, &Message::Fix { fix_type: 3 });
+        conversation.heard(5 * SECOND, &Message::Fix { fix_type: 0 });
+        conversation.heard(8 * SECOND, &Message::Fix { fix_type: 0 });
+        conversation.heard(10 * SECOND, &Message::Fix { fix_type: 2 });
         let record = conversation.end(None);
         assert_eq!(record.good().count(), 20 + 20);
-        assert_eq!(record.troubles, [Trouble::LostReceiver(2 * SECOND)]);
+        assert_eq!(record.anomalies, [Anomaly::LostReceiver(2 * SECOND)]);
     }
 
     #[test]
@@ -268,12 +268,12 @@ mod tests {
         answer(&mut conversation, 0, 2_000_000);
         let record = conversation.end(None);
         assert_eq!(verdicts(&record), [Verdict::NotSet]);
-        assert_eq!(record.troubles, [Trouble::NeverSet]);
+        assert_eq!(record.anomalies, [Anomaly::NeverSet]);
 
         let mut conversation = Conversation::new("one");
         conversation.asked(0, 0, None);
         assert!(conversation.is_over(SILENCE_NS + 1));
-        assert_eq!(conversation.end(None).troubles, [Trouble::NoAnswer]);
+        assert_eq!(conversation.end(None).anomalies, [Anomaly::NoAnswer]);
     }
 
     #[test]
@@ -283,7 +283,7 @@ mod tests {
         assert!(!conversation.is_over(SECOND + SILENCE_NS));
         assert!(conversation.is_over(SECOND + 6 * MS + SILENCE_NS));
         let record = conversation.end(None);
-        assert_eq!(record.troubles, [Trouble::FellSilent(SECOND + 5 * MS)]);
+        assert_eq!(record.anomalies, [Anomaly::FellSilent(SECOND + 5 * MS)]);
         assert_eq!(record.good().count(), 1);
     }
 
@@ -296,7 +296,7 @@ mod tests {
             system: 255,
             component: 190,
         };
-        let what = What::Ping {
+        let what = Message::Ping {
             time_usec: UTC_US,
             seq: 99,
             target,

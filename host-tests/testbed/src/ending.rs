@@ -3,7 +3,7 @@
 //! *Purpose.* Runs are kept as they come, and at the end all of it is written, told and
 //! judged, in one manner for virtual and for real boards.
 //!
-//! *Design.* [`Keeper`] holds the runs and the folder. A file that cannot be written ends
+//! *Design.* [`Results`] holds the runs and the folder. A file that cannot be written ends
 //! nothing: what was measured is written to the system's folder for temporary files at
 //! the end, and both are said.
 //!
@@ -22,13 +22,13 @@ use crate::{bounds, report};
 
 /// The runs of an experiment while they are made.
 #[derive(Debug)]
-pub struct Keeper {
+pub struct Results {
     folder: Folder,
     experiment: Experiment,
     not_written: Option<anyhow::Error>,
 }
 
-impl Keeper {
+impl Results {
     /// One that keeps the runs of the experiment that `options` ask for.
     ///
     /// # Errors
@@ -86,8 +86,8 @@ impl Keeper {
             print!("{}", text(&experiment));
         }
         for run in &experiment.runs {
-            for (board, trouble) in run.troubles() {
-                eprintln!("{}, seed {}: {board}: {trouble}", run.way, run.seed);
+            for (board, anomaly) in run.anomalies() {
+                eprintln!("{}, seed {}: {board}: {anomaly}", run.method, run.seed);
             }
         }
         if let Some(why) = &experiment.cut_short {
@@ -108,7 +108,7 @@ impl Keeper {
         let spoiled = experiment
             .runs
             .iter()
-            .any(|run| run.troubles().next().is_some())
+            .any(|run| run.anomalies().next().is_some())
             || experiment.runs.iter().any(|run| run.spread().is_none());
         let went_well = not_written.is_none()
             && !spoiled
@@ -123,16 +123,16 @@ impl Keeper {
 pub fn text(experiment: &Experiment) -> String {
     let mut out = format!(
         "{:<20} {:>9} {:>22} {:>9} {:>9} {:>8}\n",
-        "way", "paper", "mean difference", "95 %", "largest", "pairs"
+        "method", "paper", "mean difference", "95 %", "largest", "pairs"
     );
-    for way in experiment.ways() {
-        let paper = way
+    for method in experiment.methods() {
+        let paper = method
             .paper_ms()
             .map_or_else(String::new, |ms| format!("{ms:.2} ms"));
         let mean = experiment
-            .estimate(way)
+            .estimate(method)
             .map_or_else(|| "no pair".to_owned(), told_estimate);
-        let spread = experiment.spread(way);
+        let spread = experiment.spread(method);
         let size = |pick: fn(&crate::Spread) -> u64| {
             spread
                 .as_ref()
@@ -141,7 +141,7 @@ pub fn text(experiment: &Experiment) -> String {
         let _ = writeln!(
             out,
             "{:<20} {paper:>9} {mean:>22} {:>9} {:>9} {:>8}",
-            way.to_string(),
+            method.to_string(),
             size(|spread| spread.p95),
             size(|spread| spread.max),
             spread.as_ref().map_or(0, |spread| spread.count),
@@ -154,7 +154,7 @@ pub fn text(experiment: &Experiment) -> String {
         let _ = write!(
             out,
             "{}, seed {}: {} answers missing",
-            run.way,
+            run.method,
             run.seed,
             run.missing()
         );

@@ -3,15 +3,15 @@
 //! *Purpose.* Every sample of every board, every difference, the summary and the
 //! report, as files that other programs open.
 //!
-//! *Design.* `WAY/seed-N/samples-1.csv` (a file a board), the board's own `log-1.csv`
+//! *Design.* `METHOD/seed-N/samples-1.csv` (a file a board), the board's own `log-1.csv`
 //! where it could be had, and `difference.csv` are written as soon as a run is over; at the
-//! end follow `summary.json`, `report.html` and its figures, `figures/WAY.svg`. On virtual
+//! end follow `summary.json`, `report.html` and its figures, `figures/METHOD.svg`. On virtual
 //! boards nothing in them depends on the hour or on the machine. When a file cannot be
 //! written, the others still are; and all of it goes to the system's folder for temporary
 //! files instead, if that takes it.
 //!
 //! *Limits.* Files of an earlier experiment in the same folder are overwritten where
-//! they have the same name; those of other ways and seeds stay.
+//! they have the same name; those of other methods and seeds stay.
 
 use std::fs::{self, File};
 use std::io::{ErrorKind, Write as _};
@@ -66,7 +66,7 @@ impl Folder {
     ///
     /// Names the first file that could not be written; the others are.
     pub fn write_run(&self, run: &Run) -> Result<()> {
-        let folder = self.path.join(run.way.folder());
+        let folder = self.path.join(run.method.folder());
         let folder = folder.join(format!("seed-{}", run.seed));
         let mut written = fs::create_dir_all(&folder).map_err(Into::into);
         for (number, record) in (1..).zip(&run.records) {
@@ -95,7 +95,7 @@ impl Folder {
         let figures = self.path.join("figures");
         let mut written = fs::create_dir_all(&figures).map_err(Into::into);
         for run in report::first_runs(experiment) {
-            let file = figures.join(run.way.folder()).with_extension("svg");
+            let file = figures.join(run.method.folder()).with_extension("svg");
             written = written.and(write(&file, report::picture(run)?.as_bytes()));
         }
         summary.and(report).and(written)
@@ -184,21 +184,21 @@ fn differences(csv: &mut csv::Writer<Vec<u8>>, run: &Run) -> csv::Result<()> {
     Ok(())
 }
 
-/// The summary: what was asked for, and each way's figures, in ns.
+/// The summary: what was asked for, and each method's figures, in ns.
 #[must_use]
 pub fn summary(experiment: &Experiment) -> Value {
-    let ways: Vec<Value> = experiment
-        .ways()
+    let methods: Vec<Value> = experiment
+        .methods()
         .into_iter()
-        .map(|way| {
-            let runs: Vec<Value> = experiment.runs_of(way).map(run_value).collect();
+        .map(|method| {
+            let runs: Vec<Value> = experiment.runs_of(method).map(run_value).collect();
             json!({
-                "way": way.to_string(),
-                "paper_mean_ns": way.paper_ms().map(|ms| (ms * 1e6).round()),
-                "mean_of_runs": experiment.estimate(way).map(estimate_value),
-                "difference": experiment.spread(way).map(spread_value),
+                "method": method.to_string(),
+                "paper_mean_ns": method.paper_ms().map(|ms| (ms * 1e6).round()),
+                "mean_of_runs": experiment.estimate(method).map(estimate_value),
+                "difference": experiment.spread(method).map(spread_value),
                 "error_to_utc":
-                    experiment.errors(way).into_iter().map(spread_value).collect::<Vec<_>>(),
+                    experiment.errors(method).into_iter().map(spread_value).collect::<Vec<_>>(),
                 "runs": runs,
             })
         })
@@ -216,7 +216,7 @@ pub fn summary(experiment: &Experiment) -> Value {
         "command": experiment.command,
         "conditions": conditions,
         "cut_short": experiment.cut_short,
-        "ways": ways,
+        "methods": methods,
         "bounds": bounds,
     })
 }
@@ -237,7 +237,7 @@ fn run_value(run: &Run) -> Value {
                 "in_own_log": record.samples.iter().filter(|s| s.is_from_log).count(),
                 "round_trip": Spread::of(trips).map(spread_value),
                 "send_delay": Spread::of(delays).map(spread_value),
-                "troubles": record.troubles.iter().map(ToString::to_string).collect::<Vec<_>>(),
+                "anomalies": record.anomalies.iter().map(ToString::to_string).collect::<Vec<_>>(),
             })
         })
         .collect();

@@ -2,7 +2,7 @@
 //!
 //! *Purpose.* Shim, Joo and Kim (2021) sent PINGs to two flight controllers at once and
 //! looked how far their times were apart. Here is what that takes beside the boards:
-//! which [`Way`]s there are, when to ask ([`Schedule`]), what was said
+//! which [`Method`]s there are, when to ask ([`Schedule`]), what was said
 //! ([`Conversation`]), which answers belong together, what it comes to, and the files
 //! and the page that tell it.
 //!
@@ -16,6 +16,7 @@ pub mod bounds;
 mod conversation;
 mod ending;
 mod files;
+mod method;
 mod options;
 mod own_log;
 mod pairing;
@@ -26,16 +27,15 @@ mod report;
 mod run;
 mod schedule;
 mod statistics;
-mod way;
 
 pub use conversation::{Conversation, SILENCE_NS};
-pub use ending::{Keeper, text};
+pub use ending::{Results, text};
 pub use files::{Folder, summary};
+pub use method::{Image, Method};
 pub use options::{Boards, Crystals, Options, Receivers};
 pub use own_log::OwnLog;
-pub use pairing::{Difference, differences, set_aside_late};
-pub use record::{Record, Sample, Trouble, Verdict};
+pub use pairing::{Difference, differences, discard_late};
+pub use record::{Anomaly, Record, Sample, Verdict};
 pub use run::{Experiment, Place, Run};
 pub use schedule::Schedule;
 pub use statistics::{Estimate, Spread};
-pub use way::{Image, Way};

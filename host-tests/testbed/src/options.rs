@@ -13,7 +13,7 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 use world::Latency;
 
-use crate::way::{Image, Way};
+use crate::method::{Image, Method};
 
 /// PINGs a second at most: more than the line has room for.
 const MAX_RATE_HZ: i64 = 1_000;
@@ -48,10 +48,10 @@ pub struct Options {
     #[arg(long)]
     pub one_line: bool,
 
-    /// Which ways of keeping time, or `all`; on real boards, what they are expected to
+    /// Which methods of keeping time, or `all`; on real boards, what they are expected to
     /// run. Without it all, and on real boards whatever they run
-    #[arg(long = "way", value_name = "WAY", value_delimiter = ',', value_parser = parse_ways)]
-    ways: Vec<Ways>,
+    #[arg(long = "method", value_name = "METHOD", value_delimiter = ',', value_parser = parse_methods)]
+    methods: Vec<Methods>,
 
     /// The receivers of boards that are not real: what they take from an epoch to their
     /// message
@@ -71,7 +71,7 @@ pub struct Options {
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
 
-    /// Run every way with so many seeds, from the first on
+    /// Run every method with so many seeds, from the first on
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1_000))]
     pub seeds: u64,
 
@@ -92,9 +92,9 @@ pub struct Options {
     images: Vec<(String, PathBuf)>,
 }
 
-/// One `--way`.
+/// One `--method`.
 #[derive(Clone, Debug)]
-struct Ways(Vec<Way>);
+struct Methods(Vec<Method>);
 
 /// Which boards.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -206,20 +206,24 @@ impl FromStr for Crystals {
 }
 
 impl Options {
-    /// The ways that are asked for by name, in the order of [`Way::ALL`]; none if none
+    /// The methods that are asked for by name, in the order of [`Method::ALL`]; none if none
     /// is.
     #[must_use]
-    pub fn asked_ways(&self) -> Vec<Way> {
-        let asked = |way: &Way| self.ways.iter().any(|ways| ways.0.contains(way));
-        Way::ALL.into_iter().filter(asked).collect()
+    pub fn asked_methods(&self) -> Vec<Method> {
+        let asked = |method: &Method| {
+            self.methods
+                .iter()
+                .any(|methods| methods.0.contains(method))
+        };
+        Method::ALL.into_iter().filter(asked).collect()
     }
 
-    /// The ways to run on boards that run whatever they are given.
+    /// The methods to run on boards that run whatever they are given.
     #[must_use]
-    pub fn ways(&self) -> Vec<Way> {
-        match self.asked_ways() {
-            ways if ways.is_empty() => Way::ALL.to_vec(),
-            ways => ways,
+    pub fn methods(&self) -> Vec<Method> {
+        match self.asked_methods() {
+            methods if methods.is_empty() => Method::ALL.to_vec(),
+            methods => methods,
         }
     }
 
@@ -246,12 +250,12 @@ impl Options {
             Boards::Qemu => command += " --boards qemu",
             Boards::At(addresses) => command += &format!(" --boards {}", addresses.join(",")),
         }
-        let ways = self.asked_ways();
-        if ways.len() == Way::ALL.len() || (ways.is_empty() && !self.are_real()) {
-            command += " --way all";
-        } else if !ways.is_empty() {
-            let names: Vec<String> = ways.iter().map(ToString::to_string).collect();
-            command += &format!(" --way {}", names.join(","));
+        let methods = self.asked_methods();
+        if methods.len() == Method::ALL.len() || (methods.is_empty() && !self.are_real()) {
+            command += " --method all";
+        } else if !methods.is_empty() {
+            let names: Vec<String> = methods.iter().map(ToString::to_string).collect();
+            command += &format!(" --method {}", names.join(","));
         }
         command += &format!(" --duration {} --rate {}", self.duration, self.rate);
         command += &format!(" --settle {}", self.settle);
@@ -275,11 +279,11 @@ impl Options {
     }
 }
 
-fn parse_ways(text: &str) -> Result<Ways, String> {
+fn parse_methods(text: &str) -> Result<Methods, String> {
     if text == "all" {
-        return Ok(Ways(Way::ALL.to_vec()));
+        return Ok(Methods(Method::ALL.to_vec()));
     }
-    text.parse().map(|way| Ways(vec![way]))
+    text.parse().map(|method| Methods(vec![method]))
 }
 
 fn parse_image(text: &str) -> Result<(String, PathBuf), String> {
@@ -310,7 +314,7 @@ mod tests {
         assert_eq!(options.boards, Boards::Virtual);
         assert_eq!((options.duration, options.rate), (600, 10));
         assert_eq!(options.crystals.ppb, [40_000, -25_000]);
-        assert_eq!(options.ways(), Way::ALL);
+        assert_eq!(options.methods(), Method::ALL);
         assert_eq!(options.seeds(), 1..2);
     }
 
@@ -318,9 +322,9 @@ mod tests {
     fn its_command_repeats_it() {
         for words in [
             "",
-            "--way pixclock,paper-step2:50 --way paper-default --seeds 5 --crystals -1.5,0,2",
+            "--method pixclock,paper-step2:50 --method paper-default --seeds 5 --crystals -1.5,0,2",
             "--boards qemu --receiver harsh --duration 60 --settle 30 --rate 100",
-            "--boards tcp:localhost:5760,tcp:localhost:5761 --way all --one-line",
+            "--boards tcp:localhost:5760,tcp:localhost:5761 --method all --one-line",
         ] {
             let command = parse(words).unwrap().command();
             let again = command.strip_prefix("cargo xtask testbed").unwrap();
@@ -333,7 +337,7 @@ mod tests {
     fn what_is_wrong_is_refused_with_what_is_allowed() {
         for (words, allowed) in [
             ("--boards tcp:localhost:5760", "2 to 16 addresses"),
-            ("--way paper", "paper-step2:200"),
+            ("--method paper", "paper-step2:200"),
             ("--crystals 40", "2 to 16 numbers"),
             ("--crystals 40,fast", "2 to 16 numbers"),
             ("--crystals 40,501", "-500 to 500"),

@@ -6,7 +6,7 @@
 //! one number do not leave at quite the same moment: the difference of their sending
 //! times is taken off. Where one of the two times has whole µs, whole µs are compared.
 //! A PING whose round trip was long may have waited on its way to the board, so that its
-//! moment of arrival is not known: [`set_aside_late`] takes those out, board by board.
+//! moment of arrival is not known: [`discard_late`] takes those out, board by board.
 //! Every board is held against the first.
 //!
 //! *Limits.* What both ways have in common, and a difference between the two boards'
@@ -70,7 +70,7 @@ fn difference(board: usize, ours: &Sample, theirs: &Sample) -> Difference {
 
 /// Marks the samples whose round trip was too long, and tells the limit, in ns; none
 /// without a sample.
-pub fn set_aside_late(record: &mut Record) -> Option<i64> {
+pub fn discard_late(record: &mut Record) -> Option<i64> {
     let mut trips: Vec<i64> = record.good().map(|sample| sample.round_trip_ns).collect();
     trips.sort_unstable();
     let least = *trips.first()?;
@@ -147,13 +147,13 @@ mod tests {
         for (n, sample) in steady.samples.iter_mut().enumerate() {
             sample.round_trip_ns += n as i64 * 800;
         }
-        assert_eq!(set_aside_late(&mut steady), Some(1_156_800));
+        assert_eq!(discard_late(&mut steady), Some(1_156_800));
         assert_eq!(steady.good().count(), 100);
         for sample in steady.samples.iter_mut().step_by(10) {
             sample.round_trip_ns += 5_000_000;
         }
-        set_aside_late(&mut steady);
+        discard_late(&mut steady);
         assert_eq!(steady.good().count(), 90);
-        assert_eq!(set_aside_late(&mut record(Vec::new())), None);
+        assert_eq!(discard_late(&mut record(Vec::new())), None);
     }
 }

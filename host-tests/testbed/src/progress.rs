@@ -1,6 +1,6 @@
 //! How far a long run has come.
 //!
-//! *Purpose.* One bar for every way of running the experiment.
+//! *Purpose.* One bar for every method of running the experiment.
 //!
 //! *Design.* Shown where standard error is a terminal; nothing is printed otherwise, so
 //! that logs stay short.

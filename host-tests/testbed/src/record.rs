@@ -1,8 +1,8 @@
 //! What became of a test on one board.
 //!
-//! *Purpose.* [`Record`]: samples, and the [`Trouble`]s that spoiled some of them.
+//! *Purpose.* [`Record`]: samples, and the [`Anomaly`]s that spoiled some of them.
 //!
-//! *Design.* A sample that falls into a trouble is kept, marked, and not used. Answers
+//! *Design.* A sample that falls into a anomaly is kept, marked, and not used. Answers
 //! have whole µs; where the board's own log is at hand, its nanoseconds take their place.
 //!
 //! *Limits.* A log is held against the answers, not against the PINGs that had none.
@@ -61,7 +61,7 @@ impl fmt::Display for Verdict {
 
 /// What went wrong on a board; moments in ns since the test's start.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Trouble {
+pub enum Anomaly {
     /// Its clock was never set.
     NeverSet,
     /// It never answered.
@@ -78,7 +78,7 @@ pub enum Trouble {
     NotInLog(usize),
 }
 
-impl fmt::Display for Trouble {
+impl fmt::Display for Anomaly {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let s = |ns: &i64| (*ns).max(0) as f64 / 1e9;
         match self {
@@ -128,7 +128,7 @@ pub struct Record {
     /// The PINGs that were answered, in the order of their numbers.
     pub samples: Vec<Sample>,
     /// What went wrong, in the order of time.
-    pub troubles: Vec<Trouble>,
+    pub anomalies: Vec<Anomaly>,
     /// How much later than planned each PING left, in ns; nothing where it leaves on
     /// the dot.
     pub send_delays_ns: Vec<i64>,
@@ -144,11 +144,11 @@ impl Record {
             Ok(log) => {
                 let not_in_it = self.refine(&log);
                 if not_in_it > 0 {
-                    self.troubles.push(Trouble::NotInLog(not_in_it));
+                    self.anomalies.push(Anomaly::NotInLog(not_in_it));
                 }
                 self.own_log = Some(log.into_file());
             }
-            Err(error) => self.troubles.push(Trouble::NoLog(format!("{error:#}"))),
+            Err(error) => self.anomalies.push(Anomaly::NoLog(format!("{error:#}"))),
         }
     }
 
@@ -222,23 +222,23 @@ mod tests {
         let record = with_log(&[0, 1, 2, 3], 0);
         assert!(record.samples.iter().all(|sample| sample.is_from_log));
         assert_eq!(record.samples[3].error_ns, Some(3_077));
-        assert_eq!(record.troubles, []);
+        assert_eq!(record.anomalies, []);
         // A full log ends before the test does.
         let record = with_log(&[0, 1], 2);
         assert_eq!(record.samples[1].error_ns, Some(1_077));
         assert_eq!(record.samples[2].error_ns, Some(2_000));
-        assert_eq!(record.troubles, []);
+        assert_eq!(record.anomalies, []);
         // But has no gap; and one that is not full has everything.
-        assert_eq!(with_log(&[1, 3], 2).troubles, [Trouble::NotInLog(2)]);
-        assert_eq!(with_log(&[0, 1], 0).troubles, [Trouble::NotInLog(2)]);
-        assert_eq!(with_log(&[], 0).troubles, [Trouble::NotInLog(4)]);
+        assert_eq!(with_log(&[1, 3], 2).anomalies, [Anomaly::NotInLog(2)]);
+        assert_eq!(with_log(&[0, 1], 0).anomalies, [Anomaly::NotInLog(2)]);
+        assert_eq!(with_log(&[], 0).anomalies, [Anomaly::NotInLog(4)]);
     }
 
     #[test]
     fn a_log_that_is_not_to_be_had_spoils_no_sample() {
         let mut record = record();
         record.take_log(Err(anyhow::anyhow!("no card")));
-        assert_eq!(record.troubles, [Trouble::NoLog("no card".to_owned())]);
+        assert_eq!(record.anomalies, [Anomaly::NoLog("no card".to_owned())]);
         assert_eq!(record.good().count(), 4);
     }
 }

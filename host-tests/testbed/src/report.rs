@@ -16,11 +16,11 @@ use anyhow::Result;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::bounds;
+use crate::method::Method;
 use crate::pairing::Difference;
 use crate::plot::{self, Level};
 use crate::run::{Experiment, Place, Run};
 use crate::statistics::{Estimate, Spread};
-use crate::way::Way;
 
 const STYLE: &str = include_str!("report.css");
 const MEAN_DASHES: (u32, u32) = (10, 6);
@@ -35,7 +35,7 @@ const SHOWN_UP_TO: f64 = 10.0;
 ///
 /// When a figure cannot be drawn.
 pub fn html(experiment: &Experiment) -> Result<String> {
-    let ways = experiment.ways();
+    let methods = experiment.methods();
     let figures = first_runs(experiment)
         .map(|run| figure(experiment, run))
         .collect::<Result<Vec<Markup>>>()?;
@@ -51,7 +51,7 @@ pub fn html(experiment: &Experiment) -> Result<String> {
             body {
                 h1 { "How far apart are two flight controllers?" }
                 (introduction(experiment))
-                (troubles(experiment))
+                (anomalies(experiment))
                 h2 { "The table" }
                 (table(experiment))
                 @if experiment.place == Place::Virtual { (errors(experiment)) }
@@ -64,7 +64,7 @@ pub fn html(experiment: &Experiment) -> Result<String> {
                 @for figure in &figures { (figure) }
                 h2 { "How it was made" }
                 (how(experiment))
-                @if ways.iter().any(|way| way.is_papers()) {
+                @if methods.iter().any(|method| method.is_papers()) {
                     h2 { "Beside the paper" }
                     (beside_the_paper(experiment))
                 }
@@ -95,17 +95,17 @@ fn introduction(experiment: &Experiment) -> Markup {
     }
 }
 
-fn troubles(experiment: &Experiment) -> Markup {
+fn anomalies(experiment: &Experiment) -> Markup {
     let several = experiment.runs.len() > 1;
     html! {
         @if let Some(why) = &experiment.cut_short {
-            p.trouble { "It ended before its time: " (why) ". What was measured until then is here." }
+            p.anomaly { "It ended before its time: " (why) ". What was measured until then is here." }
         }
         @for run in &experiment.runs {
-            @for (board, trouble) in run.troubles() {
-                p.trouble {
-                    @if several { (run.way) ", seed " (run.seed) ", " }
-                    (board) ": " (trouble) "."
+            @for (board, anomaly) in run.anomalies() {
+                p.anomaly {
+                    @if several { (run.method) ", seed " (run.seed) ", " }
+                    (board) ": " (anomaly) "."
                 }
             }
         }
@@ -116,16 +116,16 @@ fn table(experiment: &Experiment) -> Markup {
     html! {
         div.scroll { table {
             thead { tr {
-                th { "way" } th { "the paper’s mean" } th { "our mean" }
+                th { "method" } th { "the paper’s mean" } th { "our mean" }
                 th { "95 % below" } th { "largest" } th { "pairs" }
             } }
             tbody {
-                @for way in experiment.ways() {
-                    tr.ours[!way.is_papers()] {
-                        td { (way.title()) }
-                        td { (way.paper_ms().map_or_else(|| "–".to_owned(), |ms| format!("{ms:.2} ms"))) }
-                        td.wide { (estimate(experiment.estimate(way))) }
-                        @let spread = experiment.spread(way);
+                @for method in experiment.methods() {
+                    tr.ours[!method.is_papers()] {
+                        td { (method.title()) }
+                        td { (method.paper_ms().map_or_else(|| "–".to_owned(), |ms| format!("{ms:.2} ms"))) }
+                        td.wide { (estimate(experiment.estimate(method))) }
+                        @let spread = experiment.spread(method);
                         td { (spread.map_or_else(none, |s| told(s.p95 as f64))) }
                         td { (spread.map_or_else(none, |s| told(s.max as f64))) }
                         td { (spread.map_or(0, |s| s.count)) }
@@ -174,12 +174,12 @@ fn errors(experiment: &Experiment) -> Markup {
             "."
         }
         div.scroll { table {
-            thead { tr { th { "way" } th { "board" } th { "mean" } th { "95 % below" } th { "largest" } } }
+            thead { tr { th { "method" } th { "board" } th { "mean" } th { "95 % below" } th { "largest" } } }
             tbody {
-                @for way in experiment.ways() {
-                    @for (number, spread) in (1..).zip(experiment.errors(way)) {
+                @for method in experiment.methods() {
+                    @for (number, spread) in (1..).zip(experiment.errors(method)) {
                         tr {
-                            td { @if number == 1 { (way.title()) } }
+                            td { @if number == 1 { (method.title()) } }
                             td { (number) } (cells(spread))
                         }
                     }
@@ -203,7 +203,7 @@ fn noise(experiment: &Experiment) -> Markup {
         }
         div.scroll { table {
             thead { tr {
-                th { "way" } th { "board" } th { "least round trip" } th { "median" } th { "95 % below" }
+                th { "method" } th { "board" } th { "least round trip" } th { "median" } th { "95 % below" }
                 th { "used up to" } th { "sent late, mean" } th { "at most" }
             } }
             tbody {
@@ -213,7 +213,7 @@ fn noise(experiment: &Experiment) -> Markup {
                         @let trips = Spread::of(record.samples.iter().map(|s| s.round_trip_ns));
                         @let delays = Spread::of(record.send_delays_ns.iter().copied());
                         tr {
-                            td { @if index == 0 { (run.way.title()) } }
+                            td { @if index == 0 { (run.method.title()) } }
                             td { (index + 1) }
                             td { (least.map_or_else(none, |ns| told(ns as f64))) }
                             td { (trips.map_or_else(none, |s| told(s.p50 as f64))) }
@@ -259,10 +259,10 @@ fn cells(spread: Spread) -> Markup {
     }
 }
 
-/// The runs that are drawn: each way's first.
+/// The runs that are drawn: each method's first.
 pub(crate) fn first_runs(experiment: &Experiment) -> impl Iterator<Item = &Run> {
-    let ways = experiment.ways().into_iter();
-    ways.filter_map(|way| experiment.runs_of(way).next())
+    let methods = experiment.methods().into_iter();
+    methods.filter_map(|method| experiment.runs_of(method).next())
 }
 
 /// The differences of a run that are drawn.
@@ -290,7 +290,7 @@ pub(crate) fn picture(run: &Run) -> Result<String> {
     }
     let most = spread.map_or(0.0, |spread| spread.max as f64);
     if let Some(ms) = run
-        .way
+        .method
         .paper_ms()
         .filter(|ms| ms * 1e6 <= SHOWN_UP_TO * most)
     {
@@ -305,14 +305,14 @@ pub(crate) fn picture(run: &Run) -> Result<String> {
 
 fn figure(experiment: &Experiment, run: &Run) -> Result<Markup> {
     let spread = Spread::of(drawn(run).iter().map(|difference| difference.ns));
-    let several = experiment.runs_of(run.way).count() > 1;
+    let several = experiment.runs_of(run.method).count() > 1;
     Ok(html! {
-        figure role="img" aria-label=(run.way.title()) {
-            h3 { (run.way.title()) }
+        figure role="img" aria-label=(run.method.title()) {
+            h3 { (run.method.title()) }
             (PreEscaped(picture(run)?))
             figcaption {
-                code { (run.way) }
-                @if let Some(number) = run.way.paper_figure() { ", as the paper’s figure " (number) }
+                code { (run.method) }
+                @if let Some(number) = run.method.paper_figure() { ", as the paper’s figure " (number) }
                 @if several { ", seed " (run.seed) }
                 @if let Some(spread) = spread {
                     ": mean " (told(spread.mean)) ", 95 % below " (told(spread.p95 as f64))
@@ -334,7 +334,7 @@ fn how(experiment: &Experiment) -> Markup {
         dl { @for (name, value) in &experiment.conditions { dt { (name) } dd { (value) } } }
         @if experiment.place == Place::Virtual {
             p {
-                "The same command makes the same files, byte for byte. Every way meets the same \
+                "The same command makes the same files, byte for byte. Every method meets the same \
                  receivers, crystals and PINGs."
             }
         }
@@ -352,26 +352,32 @@ fn how(experiment: &Experiment) -> Markup {
 }
 
 fn beside_the_paper(experiment: &Experiment) -> Markup {
-    let of_paper: Vec<(Way, f64, f64)> = experiment
-        .ways()
+    let of_paper: Vec<(Method, f64, f64)> = experiment
+        .methods()
         .into_iter()
-        .filter_map(|way| Some((way, way.paper_ms()?, experiment.estimate(way)?.mean / 1e6)))
+        .filter_map(|method| {
+            Some((
+                method,
+                method.paper_ms()?,
+                experiment.estimate(method)?.mean / 1e6,
+            ))
+        })
         .collect();
     let mut ours = of_paper.clone();
     ours.sort_by(|one, other| other.2.total_cmp(&one.2));
     html! {
-        p { "How far our figure for each of the paper’s ways stands from the paper’s own:" }
-        ul { @for (way, paper, mean) in &of_paper {
-            li { (way.title()) ": " (told(mean * 1e6)) " beside " (format!("{paper:.2} ms")) ", "
+        p { "How far our figure for each of the paper’s methods stands from the paper’s own:" }
+        ul { @for (method, paper, mean) in &of_paper {
+            li { (method.title()) ": " (told(mean * 1e6)) " beside " (format!("{paper:.2} ms")) ", "
                  (format!("{:.2}", mean / paper)) " times as much" }
         } }
         @if ours.len() > 1 {
             p {
                 "From the largest to the smallest, ours come in this order: "
-                (ours.iter().map(|(way, ..)| way.to_string()).collect::<Vec<_>>().join(", ")) "."
+                (ours.iter().map(|(method, ..)| method.to_string()).collect::<Vec<_>>().join(", ")) "."
             }
         }
-        @if [Way::PaperDefault, Way::PaperStep1].iter().all(|way| experiment.ways().contains(way)) {
+        @if [Method::PaperDefault, Method::PaperStep1].iter().all(|method| experiment.methods().contains(method)) {
             p {
                 "At equal rates the paper’s default and its step I come out alike, and that is no \
                  mistake: both read a whole message 12 ms after its first byte, the one after three \
@@ -379,7 +385,7 @@ fn beside_the_paper(experiment: &Experiment) -> Markup {
             }
         }
         p {
-            "The paper’s ways are its software’s timing only: the poll, sleep and read loop of \
+            "The paper’s methods are its software’s timing only: the poll, sleep and read loop of \
              PX4 1.9, the constant wait, the tick and the priorities, on a board that does nothing \
              else. What the authors’ receivers took from epoch to message, how their oscillators \
              ran, and what load their flight stack put on the processor is not known, and each of \

@@ -5,18 +5,18 @@
 //!
 //! *Design.* Plain data with the figures that files and report have in common.
 //!
-//! *Limits.* The figures of a way whose runs have no pair of good samples are not there.
+//! *Limits.* The figures of a method whose runs have no pair of good samples are not there.
 
+use crate::method::Method;
 use crate::pairing::{Difference, differences};
-use crate::record::{Record, Trouble};
+use crate::record::{Anomaly, Record};
 use crate::statistics::{Estimate, Spread};
-use crate::way::Way;
 
-/// One way of keeping time, once.
+/// One method of keeping time, once.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Run {
-    /// The way.
-    pub way: Way,
+    /// The method.
+    pub method: Method,
     /// Where its chance came from.
     pub seed: u64,
     /// How long it lasted, in s: less than was asked for if it was cut short.
@@ -55,11 +55,11 @@ impl Run {
         self.records.iter().map(|record| record.line_full).sum()
     }
 
-    /// Each trouble with the name of its board.
-    pub fn troubles(&self) -> impl Iterator<Item = (&str, &Trouble)> {
+    /// Each anomaly with the name of its board.
+    pub fn anomalies(&self) -> impl Iterator<Item = (&str, &Anomaly)> {
         self.records.iter().flat_map(|record| {
             let name = record.name.as_str();
-            record.troubles.iter().map(move |trouble| (name, trouble))
+            record.anomalies.iter().map(move |anomaly| (name, anomaly))
         })
     }
 }
@@ -88,37 +88,37 @@ pub struct Experiment {
     pub place: Place,
     /// What was asked for, in words, and its value: what the report tells of the run.
     pub conditions: Vec<(&'static str, String)>,
-    /// The runs, way by way.
+    /// The runs, method by method.
     pub runs: Vec<Run>,
     /// Why it ended before its time, if it did.
     pub cut_short: Option<String>,
 }
 
 impl Experiment {
-    /// The ways that were run, in their order.
+    /// The methods that were run, in their order.
     #[must_use]
-    pub fn ways(&self) -> Vec<Way> {
-        let mut ways: Vec<Way> = self.runs.iter().map(|run| run.way).collect();
-        ways.dedup();
-        ways
+    pub fn methods(&self) -> Vec<Method> {
+        let mut methods: Vec<Method> = self.runs.iter().map(|run| run.method).collect();
+        methods.dedup();
+        methods
     }
 
-    /// The runs of a way.
-    pub fn runs_of(&self, way: Way) -> impl Iterator<Item = &Run> {
-        self.runs.iter().filter(move |run| run.way == way)
+    /// The runs of a method.
+    pub fn runs_of(&self, method: Method) -> impl Iterator<Item = &Run> {
+        self.runs.iter().filter(move |run| run.method == method)
     }
 
-    /// The mean difference of a way in ns, over its runs.
+    /// The mean difference of a method in ns, over its runs.
     #[must_use]
-    pub fn estimate(&self, way: Way) -> Option<Estimate> {
-        let spreads = self.runs_of(way).filter_map(Run::spread);
+    pub fn estimate(&self, method: Method) -> Option<Estimate> {
+        let spreads = self.runs_of(method).filter_map(Run::spread);
         Estimate::of(&spreads.map(|spread| spread.mean).collect::<Vec<_>>())
     }
 
-    /// The spread of a way's differences, all its runs together.
+    /// The spread of a method's differences, all its runs together.
     #[must_use]
-    pub fn spread(&self, way: Way) -> Option<Spread> {
-        let all = self.runs_of(way).flat_map(Run::differences);
+    pub fn spread(&self, method: Method) -> Option<Spread> {
+        let all = self.runs_of(method).flat_map(Run::differences);
         Spread::of(all.map(|difference| difference.ns))
     }
 
@@ -130,14 +130,14 @@ impl Experiment {
         good.peek().is_some() && good.all(|sample| sample.is_from_log)
     }
 
-    /// The spread of each board's error to UTC under a way, all its runs together;
+    /// The spread of each board's error to UTC under a method, all its runs together;
     /// empty where UTC is not known.
     #[must_use]
-    pub fn errors(&self, way: Way) -> Vec<Spread> {
-        let boards = self.runs_of(way).map(|run| run.records.len()).max();
+    pub fn errors(&self, method: Method) -> Vec<Spread> {
+        let boards = self.runs_of(method).map(|run| run.records.len()).max();
         let of_board = |board: usize| {
             let records = self
-                .runs_of(way)
+                .runs_of(method)
                 .filter_map(move |run| run.records.get(board));
             Spread::of(records.flat_map(|record| record.good().filter_map(|s| s.error_ns)))
         };

@@ -7,9 +7,11 @@ use std::fs;
 use std::path::Path;
 
 use mavlink_node::Address;
-use mavlink_node::client::What;
+use mavlink_node::client::Message;
 use tempfile::TempDir;
-use testbed::{Conversation, Experiment, Folder, OwnLog, Place, Record, Run, Way, bounds, summary};
+use testbed::{
+    Conversation, Experiment, Folder, Method, OwnLog, Place, Record, Run, bounds, summary,
+};
 
 const UTC_US: i64 = 1_795_320_000_000_000;
 const SECONDS: i64 = 30;
@@ -27,7 +29,7 @@ fn record(name: &str, ahead_us: impl Fn(i64) -> i64) -> Record {
             system: 255,
             component: 190,
         };
-        let what = What::Ping {
+        let what = Message::Ping {
             time_usec: told_us.cast_unsigned(),
             seq: sequence as u32,
             target,
@@ -48,13 +50,13 @@ fn record(name: &str, ahead_us: impl Fn(i64) -> i64) -> Record {
     record
 }
 
-/// An experiment with every way and two seeds, the boards `apart_us` apart.
-fn experiment(apart_us: impl Fn(Way) -> i64) -> Experiment {
-    let run = |way: Way, seed: u64| {
-        let apart_us = apart_us(way) * (9 + seed as i64) / 10;
+/// An experiment with every method and two seeds, the boards `apart_us` apart.
+fn experiment(apart_us: impl Fn(Method) -> i64) -> Experiment {
+    let run = |method: Method, seed: u64| {
+        let apart_us = apart_us(method) * (9 + seed as i64) / 10;
         let sawtooth = move |n: i64| apart_us + n * 7_919 % 11 * apart_us / 1_000;
         Run {
-            way,
+            method,
             seed,
             lasted_s: SECONDS as u32,
             records: vec![
@@ -64,11 +66,11 @@ fn experiment(apart_us: impl Fn(Way) -> i64) -> Experiment {
             late_ns: Vec::new(),
         }
     };
-    let runs = Way::ALL
+    let runs = Method::ALL
         .into_iter()
-        .flat_map(|way| [run(way, 1), run(way, 2)]);
+        .flat_map(|method| [run(method, 1), run(method, 2)]);
     Experiment {
-        command: "cargo xtask testbed --boards virtual --way all --seeds 2".to_owned(),
+        command: "cargo xtask testbed --boards virtual --method all --seeds 2".to_owned(),
         rate_hz: 10,
         place: Place::Virtual,
         conditions: vec![("receivers", "M8".to_owned())],
@@ -78,11 +80,11 @@ fn experiment(apart_us: impl Fn(Way) -> i64) -> Experiment {
 }
 
 /// What has to hold, does.
-fn good(way: Way) -> i64 {
-    match way {
-        Way::PaperDefaultMixed => 20_000,
-        Way::Pixclock => 100,
-        Way::PixclockPps => 0,
+fn good(method: Method) -> i64 {
+    match method {
+        Method::PaperDefaultMixed => 20_000,
+        Method::Pixclock => 100,
+        Method::PixclockPps => 0,
         _ => 6_000,
     }
 }
@@ -119,10 +121,10 @@ fn collect(root: &Path, folder: &Path, files: &mut BTreeMap<String, Vec<u8>>) {
 fn the_same_runs_make_the_same_files_byte_for_byte() {
     let files = written(&experiment(good));
     assert_eq!(files, written(&experiment(good)));
-    // Two files of samples, two logs and one of differences a run; a figure a way, a
+    // Two files of samples, two logs and one of differences a run; a figure a method, a
     // summary, a report.
-    assert_eq!(files.len(), (5 * 2 + 1) * Way::ALL.len() + 2);
-    assert_ne!(files, written(&experiment(|way| good(way) + 10)));
+    assert_eq!(files.len(), (5 * 2 + 1) * Method::ALL.len() + 2);
+    assert_ne!(files, written(&experiment(|method| good(method) + 10)));
 }
 
 #[test]
@@ -150,7 +152,7 @@ fn a_file_of_samples_is_a_table_that_others_can_read() {
 }
 
 #[test]
-fn the_report_needs_nothing_else_and_has_a_figure_and_a_row_for_each_way() {
+fn the_report_needs_nothing_else_and_has_a_figure_and_a_row_for_each_method() {
     let experiment = experiment(good);
     let files = written(&experiment);
     let page = String::from_utf8(files["report.html"].clone()).unwrap();
@@ -158,8 +160,8 @@ fn the_report_needs_nothing_else_and_has_a_figure_and_a_row_for_each_way() {
     for foreign in ["http", "src=", "<script", "<link", "@import", "url("] {
         assert!(!links.contains(foreign), "{foreign}");
     }
-    assert_eq!(page.matches("<svg").count(), Way::ALL.len());
-    assert_eq!(page.matches("<figure").count(), Way::ALL.len());
+    assert_eq!(page.matches("<svg").count(), Method::ALL.len());
+    assert_eq!(page.matches("<figure").count(), Method::ALL.len());
     for word in [
         "21.64 ms",
         "6.38 ms",
@@ -177,8 +179,11 @@ fn the_report_needs_nothing_else_and_has_a_figure_and_a_row_for_each_way() {
 #[test]
 fn the_summary_has_the_figures_of_the_table() {
     let summary = summary(&experiment(good));
-    let ways = summary["ways"].as_array().unwrap();
-    let step1 = ways.iter().find(|way| way["way"] == "paper-step1").unwrap();
+    let methods = summary["methods"].as_array().unwrap();
+    let step1 = methods
+        .iter()
+        .find(|method| method["method"] == "paper-step1")
+        .unwrap();
     assert_eq!(step1["paper_mean_ns"], 6_380_000.0);
     assert_eq!(step1["difference"]["count"], 600);
     // 6 ms and 6.6 ms, each with a sawtooth of 0.5 % on average.
@@ -192,27 +197,33 @@ fn the_summary_has_the_figures_of_the_table() {
 
 #[test]
 fn each_bound_holds_or_breaks_by_what_was_measured() {
-    let broken = |apart_us: fn(Way) -> i64| {
+    let broken = |apart_us: fn(Method) -> i64| {
         let bounds = bounds::judge(&experiment(apart_us));
         let broken = bounds.into_iter().filter(|bound| !bound.holds);
         broken.map(|bound| bound.text).collect::<Vec<_>>()
     };
     assert!(broken(good).is_empty());
-    let of = |way: Way| if way == Way::Pixclock { 310 } else { good(way) };
+    let of = |method: Method| {
+        if method == Method::Pixclock {
+            310
+        } else {
+            good(method)
+        }
+    };
     assert_eq!(broken(of).len(), 2, "too far, and not 20 times better");
-    let of = |way: Way| {
-        if way == Way::PixclockPps {
+    let of = |method: Method| {
+        if method == Method::PixclockPps {
             1
         } else {
-            good(way)
+            good(method)
         }
     };
     assert_eq!(broken(of), ["pixclock-pps: mean ≤ 0.5 µs"]);
-    let of = |way: Way| {
-        if way == Way::PaperDefaultMixed {
+    let of = |method: Method| {
+        if method == Method::PaperDefaultMixed {
             5_000
         } else {
-            good(way)
+            good(method)
         }
     };
     assert_eq!(broken(of), ["paper-default-mixed stands above paper-step1"]);

@@ -6,7 +6,7 @@
     reason = "each test file compiles this module and uses a part of it"
 )]
 
-use mavlink_node::client::{Client, What};
+use mavlink_node::client::{Client, Message};
 use mavlink_node::{Address, Node, Request, Version};
 use timebase::{Cycles, Stamp, StampedByte};
 
@@ -26,7 +26,7 @@ pub fn feed(node: &mut Node, at: u64, bytes: &[u8]) -> Vec<Request> {
         .zip(bytes)
         .filter_map(|(arrival, &byte)| {
             let stamp = Stamp(arrival as u32);
-            node.receive(StampedByte { stamp, byte }, Cycles(arrival + 50_400))
+            node.push(StampedByte { stamp, byte }, Cycles(arrival + 50_400))
         })
         .collect()
 }
@@ -39,11 +39,11 @@ pub fn ask(node: &mut Node, bytes: &[u8]) -> Request {
 }
 
 /// What the client makes of a node's frame.
-pub fn heard(frame: &[u8]) -> Option<What> {
+pub fn heard(frame: &[u8]) -> Option<Message> {
     let mut client = Client::new(GROUND, Version::V2);
     let stamp = Stamp(0);
     let mut heard = frame
         .iter()
-        .filter_map(|&byte| client.receive(StampedByte { stamp, byte }));
+        .filter_map(|&byte| client.push(StampedByte { stamp, byte }));
     heard.next().map(|heard| heard.what)
 }

@@ -35,7 +35,7 @@ pub fn drain(link: &mut Link, now: Cycles, bytes: &[StampedByte]) -> Vec<Event> 
     let mut events = Vec::new();
     let mut left = bytes.len();
     for chunk in bytes.chunks(Link::ROOM) {
-        assert_eq!(link.hear(chunk), chunk.len(), "there is room");
+        assert_eq!(link.push(chunk), chunk.len(), "there is room");
         left -= chunk.len();
         // The line was not idle behind it if more has come since.
         let more = chunk.last().filter(|_| left > 0);

@@ -12,7 +12,7 @@
 //! the time line is then read by the firmware's own code.
 //!
 //! *Limits.* TIM5 counts every second cycle and was started beside SysTick with a
-//! doubt of as much, so a reading is good to 4 cycles, 24 ns. A board that stands in
+//! uncertainty of as much, so a reading is good to 4 cycles, 24 ns. A board that stands in
 //! the middle of its tick interrupt has half an anchor; so a reading takes two looks
 //! 2 µs apart that have to agree, and the board has run on by then.
 

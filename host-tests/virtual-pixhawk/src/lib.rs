@@ -39,4 +39,4 @@ pub use operator::Logged;
 pub use run::{Builder, Connector, Pixhawk};
 pub use script::Script;
 pub use tcp::TcpLine;
-pub use wire::HeardByte;
+pub use wire::ReceivedByte;

@@ -30,7 +30,7 @@ use crate::meter::{Meter, Profile};
 use crate::operator::{Log, Logged, Next, Operator, Order, Stopped};
 use crate::pulse_wire::PulseWire;
 use crate::script::Script;
-use crate::wire::{HeardByte, Wire};
+use crate::wire::{ReceivedByte, Wire};
 
 /// One of the board's connectors with a serial line on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -252,8 +252,8 @@ impl Pixhawk {
     /// # Errors
     ///
     /// The emulator gave up.
-    pub fn take_heard(&mut self, connector: Connector) -> anyhow::Result<Vec<HeardByte>> {
-        self.wire(connector, Wire::take_heard)
+    pub fn take_received(&mut self, connector: Connector) -> anyhow::Result<Vec<ReceivedByte>> {
+        self.wire(connector, Wire::take_received)
     }
 
     /// Every NAV-PVT that has left for the board, as its receiver knows it.

@@ -34,7 +34,7 @@ impl Talker for Script {
         self.0.pop_front_if(|next| next.start <= now)
     }
 
-    fn hear(&mut self, _: WorldNanos, _: u32, _: &[u8]) {}
+    fn handle_bytes(&mut self, _: WorldNanos, _: u32, _: &[u8]) {}
 
     fn truth(&self) -> &[Sent] {
         &[]

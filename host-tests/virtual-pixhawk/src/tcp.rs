@@ -124,7 +124,7 @@ impl Talker for TcpLine {
         Some(transmission)
     }
 
-    fn hear(&mut self, _: WorldNanos, baud: u32, bytes: &[u8]) {
+    fn handle_bytes(&mut self, _: WorldNanos, baud: u32, bytes: &[u8]) {
         self.baud = baud;
         self.said.extend(bytes);
     }
@@ -164,7 +164,7 @@ mod tests {
             client.write_all(word).unwrap();
             assert_eq!(poll_patiently(&mut line).unwrap().bytes, word);
         }
-        line.hear(WorldNanos(0), 57_600, b"heard");
+        line.handle_bytes(WorldNanos(0), 57_600, b"heard");
         assert_eq!(line.poll(line.next_event().unwrap()), None);
         for client in &mut clients {
             let mut word = [0; 5];
@@ -183,7 +183,7 @@ mod tests {
             client(&line).write_all(word).unwrap();
             assert_eq!(poll_patiently(&mut line).unwrap().bytes, word);
         }
-        line.hear(WorldNanos(0), 57_600, b"to nobody");
+        line.handle_bytes(WorldNanos(0), 57_600, b"to nobody");
         assert_eq!(line.poll(line.next_event().unwrap()), None);
         assert!(line.clients.is_empty());
     }

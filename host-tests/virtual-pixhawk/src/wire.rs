@@ -40,7 +40,7 @@ const STANDARD_BAUDS: [u32; 9] = [
 
 /// A byte that the board sent, and when its stop bit ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct HeardByte {
+pub struct ReceivedByte {
     /// When the last bit had arrived.
     pub at: WorldNanos,
     /// The byte.
@@ -65,7 +65,7 @@ pub(crate) struct Wire {
     framing: bool,
     /// The port asked for a word that was due and held back.
     held_back: bool,
-    heard: Vec<HeardByte>,
+    heard: Vec<ReceivedByte>,
 }
 
 impl fmt::Debug for Wire {
@@ -160,7 +160,7 @@ impl Wire {
     }
 
     /// Every byte that the board has sent, and takes them out.
-    pub(crate) fn take_heard(&mut self) -> Vec<HeardByte> {
+    pub(crate) fn take_received(&mut self) -> Vec<ReceivedByte> {
         std::mem::take(&mut self.heard)
     }
 
@@ -176,8 +176,8 @@ impl Peer for Wire {
     fn receive(&mut self, word: u16, context: &mut Timeline<'_, '_>) {
         let at = WorldNanos(context.now().0);
         let [byte, _] = word.to_le_bytes();
-        self.heard.push(HeardByte { at, byte });
-        self.talker.hear(at, self.meant_baud(), &[byte]);
+        self.heard.push(ReceivedByte { at, byte });
+        self.talker.handle_bytes(at, self.meant_baud(), &[byte]);
     }
 
     fn transmit(&mut self, now: VirtualNanos) -> Option<u16> {

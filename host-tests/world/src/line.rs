@@ -122,8 +122,8 @@ impl<T: Talker> Talker for Line<T> {
         }
     }
 
-    fn hear(&mut self, now: WorldNanos, baud: u32, bytes: &[u8]) {
-        self.talker.hear(now, baud, bytes);
+    fn handle_bytes(&mut self, now: WorldNanos, baud: u32, bytes: &[u8]) {
+        self.talker.handle_bytes(now, baud, bytes);
     }
 
     fn truth(&self) -> &[Sent] {

@@ -255,7 +255,7 @@ impl Talker for Receiver {
         Some(transmission)
     }
 
-    fn hear(&mut self, now: WorldNanos, baud: u32, bytes: &[u8]) {
+    fn handle_bytes(&mut self, now: WorldNanos, baud: u32, bytes: &[u8]) {
         if baud != self.port.baud {
             self.heard.clear();
             return;
@@ -350,21 +350,21 @@ mod tests {
     fn obeys_at_its_own_speed_only() {
         let mut receiver = Receiver::new(ReceiverSettings::new(NOON_NS));
         let port = ubx::frame(6, 0, &PORT_115200_UBX);
-        receiver.hear(WorldNanos(0), 115_200, &port);
+        receiver.handle_bytes(WorldNanos(0), 115_200, &port);
         assert_eq!(receiver.port(), Port::FACTORY);
         // In two pieces, behind noise.
-        receiver.hear(WorldNanos(0), 9_600, b"\xb5\x62\x06");
-        receiver.hear(WorldNanos(0), 9_600, &port[..9]);
-        receiver.hear(WorldNanos(0), 9_600, &port[9..]);
+        receiver.handle_bytes(WorldNanos(0), 9_600, b"\xb5\x62\x06");
+        receiver.handle_bytes(WorldNanos(0), 9_600, &port[..9]);
+        receiver.handle_bytes(WorldNanos(0), 9_600, &port[9..]);
         assert_eq!(
             (receiver.port().baud, receiver.port().nmea),
             (115_200, false)
         );
 
         let now = WorldNanos(100_000_000);
-        receiver.hear(now, 115_200, &ubx::frame(6, 8, &[0xc8, 0, 1, 0, 0, 0]));
-        receiver.hear(now, 115_200, &ubx::frame(6, 1, &[1, 7, 1]));
-        receiver.hear(now, 115_200, &ubx::frame(6, 0x3e, &[0]));
+        receiver.handle_bytes(now, 115_200, &ubx::frame(6, 8, &[0xc8, 0, 1, 0, 0, 0]));
+        receiver.handle_bytes(now, 115_200, &ubx::frame(6, 1, &[1, 7, 1]));
+        receiver.handle_bytes(now, 115_200, &ubx::frame(6, 0x3e, &[0]));
         assert_eq!(receiver.port(), Port::CONFIGURED);
         let sent = run(&mut receiver, WorldNanos(SECOND));
         let answers: Vec<&[u8]> = sent.iter().take(4).map(|sent| &sent.bytes[..]).collect();
@@ -409,7 +409,7 @@ mod tests {
     #[test]
     fn tim_tp_tells_of_each_pulse_before_it_comes() {
         let mut receiver = Receiver::new(configured(Latency::m8()));
-        receiver.hear(WorldNanos(0), 115_200, &ubx::frame(6, 1, &[0x0d, 1, 1]));
+        receiver.handle_bytes(WorldNanos(0), 115_200, &ubx::frame(6, 1, &[0x0d, 1, 1]));
         let pulses: Vec<Pulse> = Pulses::new(&configured(Latency::m8())).take(60).collect();
         let mut told = 0;
         for sent in run(&mut receiver, WorldNanos(50 * SECOND)) {

@@ -124,7 +124,7 @@ impl Talker for Recording {
         Some(transmission)
     }
 
-    fn hear(&mut self, _: WorldNanos, _: u32, _: &[u8]) {}
+    fn handle_bytes(&mut self, _: WorldNanos, _: u32, _: &[u8]) {}
 
     fn truth(&self) -> &[Sent] {
         &self.truth

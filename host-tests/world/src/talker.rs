@@ -75,7 +75,7 @@ pub trait Talker {
     fn poll(&mut self, now: WorldNanos) -> Option<Transmission>;
 
     /// `bytes` from the board have arrived at `now`; they were sent at `baud`.
-    fn hear(&mut self, now: WorldNanos, baud: u32, bytes: &[u8]);
+    fn handle_bytes(&mut self, now: WorldNanos, baud: u32, bytes: &[u8]);
 
     /// Every NAV-PVT handed out so far, in its order.
     fn truth(&self) -> &[Sent];
@@ -90,8 +90,8 @@ impl<T: Talker + ?Sized> Talker for Box<T> {
         (**self).poll(now)
     }
 
-    fn hear(&mut self, now: WorldNanos, baud: u32, bytes: &[u8]) {
-        (**self).hear(now, baud, bytes);
+    fn handle_bytes(&mut self, now: WorldNanos, baud: u32, bytes: &[u8]) {
+        (**self).handle_bytes(now, baud, bytes);
     }
 
     fn truth(&self) -> &[Sent] {

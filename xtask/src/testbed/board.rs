@@ -11,7 +11,7 @@
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
-use mavlink_node::client::{Client, GROUND_STATION, Heard, What};
+use mavlink_node::client::{Client, GROUND_STATION, Message, Received};
 use mavlink_node::{Address, Parameter, Test, Version};
 use testbed::{Image, OwnLog, SILENCE_NS};
 use timebase::{Stamp, StampedByte};
@@ -52,8 +52,8 @@ pub struct Clock {
 pub struct Identity {
     /// Its address.
     pub address: Address,
-    /// `PC_WAY`, as a name of [`Image::NAMES`].
-    pub way: &'static str,
+    /// `PC_VARIANT`, as a name of [`Image::NAMES`].
+    pub variant: &'static str,
     /// `PC_TICK_US`.
     pub tick_us: u32,
     /// `PC_GPS_BAUD`.
@@ -91,22 +91,20 @@ impl Connected {
     /// # Errors
     ///
     /// When the line is gone.
-    pub fn listen(&mut self) -> Result<Vec<Heard>> {
+    pub fn listen(&mut self) -> Result<Vec<Received>> {
         let mut buffer = [0; 1_024];
         let bytes = self.hearing.receive(&mut buffer)?;
         let stamp = Stamp(0);
         let stamped = bytes.iter().map(|&byte| StampedByte { stamp, byte });
-        let mut heard: Vec<Heard> = stamped
-            .filter_map(|byte| self.client.receive(byte))
-            .collect();
-        let is_heartbeat = |heard: &&Heard| heard.what == What::Heartbeat;
+        let mut heard: Vec<Received> = stamped.filter_map(|byte| self.client.push(byte)).collect();
+        let is_heartbeat = |heard: &&Received| heard.what == Message::Heartbeat;
         if self.address.is_none() {
             self.address = heard.iter().find(is_heartbeat).map(|heard| heard.from);
         }
         // Somebody else on a radio's line is no board.
         heard.retain(|heard| self.address.is_none_or(|address| heard.from == address));
         for heard in &heard {
-            if let What::SystemTime {
+            if let Message::SystemTime {
                 time_unix_usec,
                 time_boot_ms,
             } = heard.what
@@ -133,16 +131,16 @@ impl Connected {
     /// When it does not answer, with what is there instead.
     pub fn identify(&mut self) -> Result<Identity> {
         let address = self.wait_for_address()?;
-        let way = self.parameter(address, Parameter::Way)? as usize;
-        let Some(way) = Image::NAMES.get(way) else {
+        let variant = self.parameter(address, Parameter::Variant)? as usize;
+        let Some(variant) = Image::NAMES.get(variant) else {
             bail!(
-                "{} runs a way (PC_WAY {way}) that this program does not know",
+                "{} runs a variant (PC_VARIANT {variant}) that this program does not know",
                 self.name
             );
         };
         Ok(Identity {
             address,
-            way,
+            variant,
             tick_us: self.parameter(address, Parameter::TickUs)? as u32,
             gps_baud: self.parameter(address, Parameter::GpsBaud)? as u32,
             follows_pulse: self.parameter(address, Parameter::Source)? as u32 == 2,
@@ -170,7 +168,7 @@ impl Connected {
         let answer = self.ask(
             |client| client.parameter(address, parameter),
             |what| match what {
-                What::Parameter { name, value, .. }
+                Message::Parameter { name, value, .. }
                     if Parameter::named(*name) == Some(parameter) =>
                 {
                     Some(*value)
@@ -200,18 +198,18 @@ impl Connected {
         let answer = self.ask(
             |client| client.test(address, test),
             |what| match what {
-                What::CommandAck { result, .. } => Some(*result),
+                Message::CommandAck { result, .. } => Some(*result),
                 _ => None,
             },
         )?;
-        Ok(answer == Some(What::ACCEPTED))
+        Ok(answer == Some(Message::ACCEPTED))
     }
 
     /// Asks until it is answered, or nothing comes; once even after Ctrl-C.
     fn ask<T>(
         &mut self,
         question: impl Fn(&mut Client) -> mavlink_node::Frame,
-        answer: impl Fn(&What) -> Option<T>,
+        answer: impl Fn(&Message) -> Option<T>,
     ) -> Result<Option<T>> {
         let began = Instant::now();
         loop {
@@ -239,7 +237,7 @@ impl Connected {
         let listed = self.ask(
             |client| client.logs(address),
             |what| match what {
-                What::LogEntry { size, .. } => Some(*size as usize),
+                Message::LogEntry { size, .. } => Some(*size as usize),
                 _ => None,
             },
         )?;
@@ -289,9 +287,9 @@ impl Connected {
 }
 
 /// The bytes of a log that begin at `offset`, if that is what was said.
-fn piece(what: &What, offset: usize) -> Option<Vec<u8>> {
+fn piece(what: &Message, offset: usize) -> Option<Vec<u8>> {
     match what {
-        What::LogData {
+        Message::LogData {
             offset: at,
             data,
             count,

@@ -9,7 +9,7 @@
 //! the boards' own logs are read.
 //!
 //! *Limits.* Moments are this host's, with its scheduling: how late each PING left and
-//! how long each answer took is measured and told. A serial line's own way (an adapter
+//! how long each answer took is measured and told. A serial line's own method (an adapter
 //! that collects bytes for a millisecond) is in the round trip.
 
 use std::sync::Mutex;
@@ -21,7 +21,7 @@ use anyhow::{Result, bail};
 use indicatif::ProgressBar;
 use mavlink_node::client::{Client, GROUND_STATION};
 use mavlink_node::{Address, Test, Version};
-use testbed::{Conversation, Options, OwnLog, Record, Run, Schedule, Way, set_aside_late};
+use testbed::{Conversation, Method, Options, OwnLog, Record, Run, Schedule, discard_late};
 use timebase::{Stamp, StampedByte};
 
 use super::board::{Clock, Connected, Identity, PATIENCE, check_ctrl_c};
@@ -148,26 +148,26 @@ pub fn check_systems(ready: &[Ready]) -> Result<()> {
     Ok(())
 }
 
-/// The way that all boards together run.
+/// The method that all boards together run.
 ///
 /// # Errors
 ///
 /// Names a board that does not fit the others, with what it runs.
-pub fn way_of(ready: &[Ready]) -> Result<Way> {
-    let runs = |ready: &Ready, way: Way, index: usize| {
-        let image = way.image(index);
+pub fn method_of(ready: &[Ready]) -> Result<Method> {
+    let runs = |ready: &Ready, method: Method, index: usize| {
+        let image = method.image(index);
         let is = &ready.identity;
-        is.way == image.way.name()
-            && is.tick_us == image.way.tick_us()
+        is.variant == image.variant.name()
+            && is.tick_us == image.variant.tick_us()
             && is.gps_baud == image.gps_baud
-            && is.follows_pulse == way.has_pulse()
+            && is.follows_pulse == method.has_pulse()
     };
-    let all_run = |way: &Way| {
+    let all_run = |method: &Method| {
         let mut boards = ready.iter().enumerate();
-        boards.all(|(index, board)| runs(board, *way, index))
+        boards.all(|(index, board)| runs(board, *method, index))
     };
-    if let Some(way) = Way::ALL.into_iter().find(all_run) {
-        return Ok(way);
+    if let Some(method) = Method::ALL.into_iter().find(all_run) {
+        return Ok(method);
     }
     let told: Vec<String> = ready
         .iter()
@@ -178,14 +178,15 @@ pub fn way_of(ready: &[Ready]) -> Result<Way> {
             } else {
                 ""
             };
-            let (name, way, tick_us, baud) = (&ready.board.name, is.way, is.tick_us, is.gps_baud);
+            let (name, variant, tick_us, baud) =
+                (&ready.board.name, is.variant, is.tick_us, is.gps_baud);
             format!(
-                "{name} runs {way} with a tick of {tick_us} µs, its receiver at {baud} Bd{pulse}"
+                "{name} runs {variant} with a tick of {tick_us} µs, its receiver at {baud} Bd{pulse}"
             )
         })
         .collect();
     bail!(
-        "the boards do not run one way of the experiment: {}; flash them alike (for \
+        "the boards do not run one method of the experiment: {}; flash them alike (for \
          paper-default-mixed, every board but the first at 38400)",
         told.join("; ")
     )
@@ -198,7 +199,7 @@ pub fn way_of(ready: &[Ready]) -> Result<Way> {
 /// When a board cannot be told that it begins, its line being gone.
 pub fn run(
     options: &Options,
-    way: Way,
+    method: Method,
     seed: u64,
     ready: Vec<Ready>,
     bar: &ProgressBar,
@@ -264,10 +265,10 @@ pub fn run(
     let mut records: Vec<Record> = records.collect();
     // A PING on one line is late for all of them alike.
     let judged = records.iter_mut().filter(|_| !options.one_line);
-    let late_ns = judged.map(|record| set_aside_late(record).unwrap_or(0));
+    let late_ns = judged.map(|record| discard_late(record).unwrap_or(0));
     let late_ns = late_ns.collect();
     Ok(Run {
-        way,
+        method,
         seed,
         lasted_s,
         records,
@@ -380,7 +381,7 @@ fn hear(
         };
         let stamp = Stamp(0);
         for &byte in bytes {
-            if let Some(heard) = client.receive(StampedByte { stamp, byte })
+            if let Some(heard) = client.push(StampedByte { stamp, byte })
                 && heard.from == board
             {
                 conversation.heard(now_ns, &heard.what);

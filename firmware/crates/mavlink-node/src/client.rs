@@ -28,18 +28,18 @@ use crate::ping::Ping;
 
 /// Something that a node said.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Heard {
+pub struct Received {
     /// Who said it.
     pub from: Address,
     /// In which version.
     pub version: Version,
     /// What it said.
-    pub what: What,
+    pub what: Message,
 }
 
 /// What a node said.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum What {
+pub enum Message {
     /// It is there.
     Heartbeat,
     /// Its time, unasked.
@@ -133,7 +133,7 @@ pub const EARLIEST_UTC_US: u64 = 1_451_606_400_000_000;
 /// Bytes of a log in one LOG_DATA.
 pub const LOG_DATA_LEN: usize = 90;
 
-impl What {
+impl Message {
     /// MAV_RESULT_ACCEPTED: done.
     pub const ACCEPTED: u8 = 0;
     /// MAV_RESULT_DENIED: known, but not with these parameters.
@@ -285,12 +285,12 @@ impl Client {
     }
 
     /// Takes a byte.
-    pub fn receive(&mut self, byte: StampedByte) -> Option<Heard> {
+    pub fn push(&mut self, byte: StampedByte) -> Option<Received> {
         let frame = match self.framer.push(byte) {
             0 => return None,
             length => self.framer.take(length),
         };
-        Some(Heard {
+        Some(Received {
             from: frame.from,
             version: frame.version,
             what: what(&frame)?,
@@ -305,24 +305,24 @@ impl Client {
 }
 
 /// What a frame says; `None` if it makes no sense.
-fn what(frame: &Delimited<MAX_PAYLOAD>) -> Option<What> {
+fn what(frame: &Delimited<MAX_PAYLOAD>) -> Option<Message> {
     let payload = &frame.payload;
     Some(match u32::from(frame.id) {
-        HEARTBEAT_DATA::ID => What::Heartbeat,
+        HEARTBEAT_DATA::ID => Message::Heartbeat,
         SYSTEM_TIME_DATA::ID => {
             let time = SYSTEM_TIME_DATA::deser(V2, payload).ok()?;
-            What::SystemTime {
+            Message::SystemTime {
                 time_unix_usec: time.time_unix_usec,
                 time_boot_ms: time.time_boot_ms,
             }
         }
-        GPS_RAW_INT_DATA::ID => What::Fix {
+        GPS_RAW_INT_DATA::ID => Message::Fix {
             // By hand, for types that the enum does not know.
             fix_type: payload.get(FIX_TYPE).copied()?,
         },
         Ping::ID => {
             let ping = Ping::parse(payload)?;
-            What::Ping {
+            Message::Ping {
                 time_usec: ping.time_usec,
                 seq: ping.seq,
                 target: ping.target,
@@ -330,7 +330,7 @@ fn what(frame: &Delimited<MAX_PAYLOAD>) -> Option<What> {
         }
         TIMESYNC_DATA::ID => {
             let sync = TIMESYNC_DATA::deser(V2, payload).ok()?;
-            What::TimeSync {
+            Message::TimeSync {
                 tc1: sync.tc1,
                 ts1: sync.ts1,
             }
@@ -338,14 +338,14 @@ fn what(frame: &Delimited<MAX_PAYLOAD>) -> Option<What> {
         COMMAND_ACK_DATA::ID => {
             // By hand, for commands and results that the enums do not know.
             let [low, high, result] = *payload.first_chunk()?;
-            What::CommandAck {
+            Message::CommandAck {
                 command: u16::from_le_bytes([low, high]),
                 result,
             }
         }
         PARAM_VALUE_DATA::ID => {
             let parameter = PARAM_VALUE_DATA::deser(V2, payload).ok()?;
-            What::Parameter {
+            Message::Parameter {
                 name: Text::new(parameter.param_id.into()),
                 value: parameter.param_value,
                 index: parameter.param_index,
@@ -354,7 +354,7 @@ fn what(frame: &Delimited<MAX_PAYLOAD>) -> Option<What> {
         }
         LOG_ENTRY_DATA::ID => {
             let entry = LOG_ENTRY_DATA::deser(V2, payload).ok()?;
-            What::LogEntry {
+            Message::LogEntry {
                 id: entry.id,
                 logs: entry.num_logs,
                 time_utc: entry.time_utc,
@@ -363,7 +363,7 @@ fn what(frame: &Delimited<MAX_PAYLOAD>) -> Option<What> {
         }
         LOG_DATA_DATA::ID => {
             let log = LOG_DATA_DATA::deser(V2, payload).ok()?;
-            What::LogData {
+            Message::LogData {
                 id: log.id,
                 offset: log.ofs,
                 data: log.data,
@@ -372,7 +372,7 @@ fn what(frame: &Delimited<MAX_PAYLOAD>) -> Option<What> {
         }
         _ => {
             let told = STATUSTEXT_DATA::deser(V2, payload).ok()?;
-            What::StatusText {
+            Message::StatusText {
                 severity: told.severity as u8,
                 text: Text::new(told.text.into()),
             }

@@ -26,6 +26,7 @@
     clippy::indexing_slicing
 )]
 
+pub mod broadcast;
 pub mod client;
 mod command;
 pub mod crc;
@@ -37,12 +38,11 @@ mod node_time;
 pub mod parameter;
 mod ping;
 mod request;
-pub mod telling;
 
+pub use broadcast::{Fix, GpsFix, Severity};
 pub use command::{Command, Refusal, Test};
 pub use frame::{Address, Frame, Version};
 pub use node::{Config, Counters, Node, PingReply};
 pub use node_time::NodeTime;
 pub use parameter::Parameter;
-pub use request::{Ask, Holdings, Request};
-pub use telling::{Fix, GpsFix, Severity};
+pub use request::{Holdings, Request, RequestKind};

@@ -1,6 +1,6 @@
 //! The node: which frames ask for something, and what is answered.
 //!
-//! *Purpose.* [`Node::receive`] turns bytes into [`Request`]s, [`Node::answer`]
+//! *Purpose.* [`Node::push`] turns bytes into [`Request`]s, [`Node::answer`]
 //! turns a request and the time of its arrival into the frame to send. What takes more
 //! than a frame (parameters, the log) is sent by and by: [`Node::poll`].
 //!
@@ -28,6 +28,7 @@ use mavlink::dialects::common::{
 };
 use timebase::{CORE_HZ, Cycles, StampedByte};
 
+use crate::broadcast::Severity;
 use crate::command::{Command, Test};
 use crate::frame::{Address, Frame, Sender, Version};
 use crate::framer::{Delimited, Framer, FramingCounters, Kind, Wanted};
@@ -35,8 +36,7 @@ use crate::log_transfer::{LOG_ID, LogTransfer};
 use crate::node_time::NodeTime;
 use crate::parameter::{self, Name, Parameter};
 use crate::ping::Ping;
-use crate::request::{Ask, Holdings, Request};
-use crate::telling::Severity;
+use crate::request::{Holdings, Request, RequestKind};
 
 /// How a node behaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -200,7 +200,7 @@ impl Node {
     /// answered with [`Self::answer`]; where there is no room for an answer, it
     /// may be dropped. After each call [`Self::poll`] may have something to send.
     #[inline]
-    pub fn receive(&mut self, byte: StampedByte, now: Cycles) -> Option<Request> {
+    pub fn push(&mut self, byte: StampedByte, now: Cycles) -> Option<Request> {
         match self.framer.push(byte) {
             0 => None,
             length => self.request(length, now),
@@ -221,13 +221,13 @@ impl Node {
         })
     }
 
-    fn ask(&mut self, frame: &Delimited) -> Option<Ask> {
+    fn ask(&mut self, frame: &Delimited) -> Option<RequestKind> {
         let counters = &mut self.counters;
         let us = self.sender.address();
         let (ask, count) = match u32::from(frame.id) {
             Ping::ID => {
                 let ping = Ping::parse(&frame.payload)?;
-                let ask = Ask::Ping {
+                let ask = RequestKind::Ping {
                     time_usec: ping.time_usec,
                     seq: ping.seq,
                 };
@@ -242,7 +242,7 @@ impl Node {
                     && (sync.target_component == 0 || sync.target_component == us.component);
                 match (sync.tc1, for_us) {
                     (0, true) => (
-                        Some(Ask::TimeSync { ts1: sync.ts1 }),
+                        Some(RequestKind::TimeSync { ts1: sync.ts1 }),
                         &mut counters.timesyncs,
                     ),
                     (0, false) => (None, &mut counters.for_others),
@@ -257,7 +257,7 @@ impl Node {
 
     /// A request that names its target.
     #[inline(never)]
-    fn targeted(&mut self, frame: &Delimited) -> Option<Ask> {
+    fn targeted(&mut self, frame: &Delimited) -> Option<RequestKind> {
         let (payload, version, id) = (&frame.payload, frame.version, u32::from(frame.id));
         let us = self.sender.address();
         let counters = &mut self.counters;
@@ -280,7 +280,7 @@ impl Node {
                 if command.meaning == Ok(Test::Begins) {
                     self.log.end();
                 }
-                return Some(Ask::Command(command));
+                return Some(RequestKind::Command(command));
             }
             PARAM_REQUEST_LIST_DATA::ID => self.parameters.all(version),
             PARAM_REQUEST_READ_DATA::ID | PARAM_SET_DATA::ID => match named(id, payload) {
@@ -298,7 +298,7 @@ impl Node {
             LOG_REQUEST_END_DATA::ID => self.log.end(),
             _ => {
                 self.log.end();
-                return Some(Ask::EraseLog);
+                return Some(RequestKind::EraseLog);
             }
         }
         None
@@ -324,7 +324,7 @@ impl Node {
     pub fn answer(&mut self, request: &Request, time: NodeTime) -> Frame {
         let Request { from, version, .. } = *request;
         match request.ask {
-            Ask::Ping { time_usec, seq } => Ping {
+            RequestKind::Ping { time_usec, seq } => Ping {
                 time_usec: match self.ping_reply {
                     PingReply::RtosTime => time.rtos_us(),
                     PingReply::Echo => time_usec,
@@ -333,7 +333,7 @@ impl Node {
                 target: from,
             }
             .frame(&mut self.sender, version),
-            Ask::TimeSync { ts1 } => {
+            RequestKind::TimeSync { ts1 } => {
                 let answer = TIMESYNC_DATA {
                     tc1: time.rtos_ns(),
                     ts1,
@@ -342,8 +342,8 @@ impl Node {
                 };
                 self.sender.message(version, &answer)
             }
-            Ask::Command(command) => command.ack(&mut self.sender, version, from),
-            Ask::EraseLog => self.statustext(Severity::Notice, "log erased"),
+            RequestKind::Command(command) => command.ack(&mut self.sender, version, from),
+            RequestKind::EraseLog => self.statustext(Severity::Notice, "log erased"),
         }
     }
 }

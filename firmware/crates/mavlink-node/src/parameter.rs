@@ -21,9 +21,9 @@ use crate::request::Holdings;
 /// A parameter of a node. Its index over MAVLink is its place here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parameter {
-    /// How the clock is kept: 0 pixclock's way, 1 the paper's default, 2 its step I,
+    /// How the clock is kept: 0 pixclock's variant, 1 the paper's default, 2 its step I,
     /// 3 its step II.
-    Way,
+    Variant,
     /// From one tick to the next, in µs.
     TickUs,
     /// The rate of the receiver's line, in baud.
@@ -39,7 +39,7 @@ pub enum Parameter {
 impl Parameter {
     /// All of them, in the order of their indices.
     pub const ALL: [Self; 6] = [
-        Self::Way,
+        Self::Variant,
         Self::TickUs,
         Self::GpsBaud,
         Self::Source,
@@ -51,7 +51,7 @@ impl Parameter {
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
-            Self::Way => "PC_WAY",
+            Self::Variant => "PC_VARIANT",
             Self::TickUs => "PC_TICK_US",
             Self::GpsBaud => "PC_GPS_BAUD",
             Self::Source => "PC_SOURCE",

@@ -23,12 +23,12 @@ pub struct Request {
     /// In which version, hence in which the answer goes out.
     pub version: Version,
     /// What is asked.
-    pub ask: Ask,
+    pub ask: RequestKind,
 }
 
 /// What is asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ask {
+pub enum RequestKind {
     /// PING: the node's time.
     Ping {
         /// The request's time, in µs of the sender's own clock.

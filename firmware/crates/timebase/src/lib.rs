@@ -12,7 +12,7 @@
 //! the receiver's line and its pulse tell the clock; [`sleep`] waits in whole ticks.
 //!
 //! *Limits.* Pure values and arithmetic: registers are reached through the
-//! trait [`tick::Counters`], which the firmware's time driver implements.
+//! trait [`tick::CounterPair`], which the firmware's time driver implements.
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -70,7 +70,7 @@ pub struct Validity {
     pub date: bool,
     /// `validTime`: the time of day is valid.
     pub time: bool,
-    /// `fullyResolved`: no whole-second doubt is left.
+    /// `fullyResolved`: no whole-second uncertainty is left.
     pub fully_resolved: bool,
     /// `confirmedTime`: confirmed by a second source. Timing receivers never
     /// set it.

@@ -1,6 +1,6 @@
 //! A sleep in whole ticks, as NuttX has it.
 //!
-//! *Purpose.* The paper's ways wait as PX4 1.9 did, and so their waits depend on the tick.
+//! *Purpose.* The paper's variants wait as PX4 1.9 did, and so their waits depend on the tick.
 //!
 //! *Design.* `usleep` rounds the time up to whole ticks (NuttX 7,
 //! `sched/signal/sig_timedwait.c`) and the watchdog that ends the wait counts one more

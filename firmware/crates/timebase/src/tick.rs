@@ -32,7 +32,7 @@
 //!
 //! *Limits.* Readers run at or below the priority of the tick interrupt. The two
 //! counters are read within a quarter of a period of each other
-//! ([`Counters::read_pair`]). The anchor moves at least every 12 s (2³¹ cycles),
+//! ([`CounterPair::read_pair`]). The anchor moves at least every 12 s (2³¹ cycles),
 //! so interrupts must not be masked for longer. `tests/interleavings.rs` walks
 //! through every interleaving of a reader, the tick and a second interrupt.
 
@@ -53,7 +53,7 @@ pub enum Word {
 
 /// The two hardware counters and the shared words, as the firmware's time driver
 /// or a model of it has them.
-pub trait Counters {
+pub trait CounterPair {
     /// Core cycles from wrap to wrap of the down-counter.
     const PERIOD: u32;
     /// Core cycles a count of the witness; divides [`Self::PERIOD`].
@@ -79,7 +79,7 @@ pub trait Counters {
 /// read last, so that it never shows more than the time that has passed: a tick
 /// that it calls due is due.
 #[inline]
-pub fn start<C: Counters>(counters: &C) {
+pub fn start<C: CounterPair>(counters: &C) {
     counters.masked(|| {
         let (down_count, witness) = loop {
             let (before, down_count) = counters.read_pair();
@@ -102,21 +102,21 @@ pub fn start<C: Counters>(counters: &C) {
 
 /// Cycles since boot.
 #[inline(always)]
-pub fn now<C: Counters>(counters: &C) -> Cycles {
+pub fn now<C: CounterPair>(counters: &C) -> Cycles {
     let (anchor, since) = counters.masked(|| (load_anchor(counters), Since::read(counters)));
     Cycles(anchor.wrapping_add_signed(since.elapsed::<C>().into()))
 }
 
 /// The low word of [`now`]: for interrupts that must be short.
 #[inline(always)]
-pub fn stamp<C: Counters>(counters: &C) -> Stamp {
+pub fn stamp<C: CounterPair>(counters: &C) -> Stamp {
     let (low, since) = counters.masked(|| (counters.load(Word::AnchorLow), Since::read(counters)));
     Stamp(low.wrapping_add_signed(since.elapsed::<C>()))
 }
 
 /// The last tick that was counted: time since boot in whole ticks.
 #[inline]
-pub fn last_tick<C: Counters>(counters: &C) -> Cycles {
+pub fn last_tick<C: CounterPair>(counters: &C) -> Cycles {
     Cycles(counters.masked(|| load_anchor(counters)))
 }
 
@@ -135,7 +135,7 @@ pub const fn first_showing(down_count: u32, period: u32, now: Cycles) -> Cycles 
 /// `None` when the witness alone cannot tell: nothing was done, and [`repair`] has
 /// to look closer. A witness that lags costs such a look; it is never wrong.
 #[inline(always)]
-pub fn on_tick<C: Counters>(counters: &C) -> Option<Stamp> {
+pub fn on_tick<C: CounterPair>(counters: &C) -> Option<Stamp> {
     let one_period = counters
         .load(Word::AnchorWitness)
         .wrapping_add(C::PERIOD / C::RATIO);
@@ -150,7 +150,7 @@ pub fn on_tick<C: Counters>(counters: &C) -> Option<Stamp> {
 /// How late a tick may be, in counts of the witness, to be called plain: a power of
 /// two, which is cheap to compare with, that leaves at least a 64th of a period for
 /// what the witness may be off.
-const fn plainly_late<C: Counters>() -> u32 {
+const fn plainly_late<C: CounterPair>() -> u32 {
     let period = C::PERIOD / C::RATIO;
     1 << (period - period.div_ceil(64)).ilog2()
 }
@@ -159,7 +159,7 @@ const fn plainly_late<C: Counters>() -> u32 {
 /// for a wrap that an earlier repair has counted already. Moves the anchor past all
 /// that went by and returns its time.
 #[inline]
-pub fn repair<C: Counters>(counters: &C) -> Stamp {
+pub fn repair<C: CounterPair>(counters: &C) -> Stamp {
     let since = Since::read(counters);
     let wraps = since.elapsed::<C>().max(0).cast_unsigned() / C::PERIOD;
     let lost = counters.load(Word::LostTicks);
@@ -173,13 +173,13 @@ pub fn repair<C: Counters>(counters: &C) -> Stamp {
 }
 
 #[inline(always)]
-fn load_anchor<C: Counters>(counters: &C) -> u64 {
+fn load_anchor<C: CounterPair>(counters: &C) -> u64 {
     let low = counters.load(Word::AnchorLow);
     u64::from(counters.load(Word::AnchorHigh)) << 32 | u64::from(low)
 }
 
 #[inline(always)]
-fn store_anchor<C: Counters>(counters: &C, anchor: u64, witness: u32) {
+fn store_anchor<C: CounterPair>(counters: &C, anchor: u64, witness: u32) {
     counters.store(Word::AnchorLow, anchor as u32);
     counters.store(Word::AnchorHigh, (anchor >> 32) as u32);
     counters.store(Word::AnchorWitness, witness);
@@ -194,7 +194,7 @@ struct Since {
 
 impl Since {
     #[inline(always)]
-    fn read<C: Counters>(counters: &C) -> Self {
+    fn read<C: CounterPair>(counters: &C) -> Self {
         let anchor_witness = counters.load(Word::AnchorWitness);
         let (witness, down_count) = counters.read_pair();
         Self {
@@ -208,7 +208,7 @@ impl Since {
     /// where the two counters keep step; an emulator's may not for a moment, and
     /// then a little less than 0 must not become 25 s.
     #[inline(always)]
-    fn elapsed<C: Counters>(&self) -> i32 {
+    fn elapsed<C: CounterPair>(&self) -> i32 {
         let coarse = self
             .witness
             .wrapping_sub(self.anchor_witness)

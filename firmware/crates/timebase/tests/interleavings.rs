@@ -18,7 +18,7 @@
 use std::cell::{Cell, RefCell};
 
 use timebase::Cycles;
-use timebase::tick::{self, Counters, Word};
+use timebase::tick::{self, CounterPair, Word};
 
 /// Cycles a wrap in the model, a witness of the same ratio as on the Pixhawk.
 const PERIOD: u32 = 32;
@@ -189,7 +189,7 @@ impl Machine {
     }
 }
 
-impl Counters for Machine {
+impl CounterPair for Machine {
     const PERIOD: u32 = PERIOD;
     const RATIO: u32 = RATIO;
 

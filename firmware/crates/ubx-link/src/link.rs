@@ -127,7 +127,7 @@ impl Link {
     /// Takes bytes off the line, as many as there is room for: how many. There is
     /// room for [`ROOM`](Self::ROOM) after [`Link::poll`] has returned `None`.
     #[inline]
-    pub fn hear(&mut self, bytes: &[StampedByte]) -> usize {
+    pub fn push(&mut self, bytes: &[StampedByte]) -> usize {
         self.window.fill(bytes)
     }
 

@@ -1,6 +1,6 @@
 //! How PX4 1.9 waits for the bytes that it reads.
 //!
-//! *Purpose.* The paper's ways read the receiver's line as the paper's boards did; this says
+//! *Purpose.* The paper's variants read the receiver's line as the paper's boards did; this says
 //! how long they wait between seeing the first bytes and reading them.
 //!
 //! *Design.* PX4 polls the line, and sleeps before it reads when fewer than [`CHARACTERS`] bytes

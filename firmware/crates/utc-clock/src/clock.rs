@@ -29,9 +29,9 @@ use core::sync::atomic::AtomicU32;
 use timebase::{CORE_HZ, Cycles, PulseForecast, PulseMark, TimeMark};
 
 use crate::counters::bump;
-use crate::discipline::{Correction, Course, Discipline, LEARNT_DOUBT_NS, Observation};
+use crate::discipline::{Correction, Course, Discipline, LEARNT_UNCERTAINTY_NS, Observation};
 use crate::gate::Gate;
-use crate::holdover::Doubt;
+use crate::holdover::Uncertainty;
 use crate::model;
 use crate::published::Word;
 use crate::pulse::PulseRefusal;
@@ -50,7 +50,7 @@ pub const MAX_SLEW: Ppb = Ppb::from_ppm(400);
 pub const HOLDOVER_AFTER: u64 = 2 * CORE_HZ as u64;
 
 /// From pulse to pulse is a second; without the next one the line is told anew after so long, in
-/// cycles: 1.25 s. Its straight line of doubt is near the curve that it stands for.
+/// cycles: 1.25 s. Its straight line of uncertainty is near the curve that it stands for.
 const PULSE_LASTS: u64 = CORE_HZ as u64 * 5 / 4;
 
 /// The line is told from a new origin at least so often: 10 s, well within the
@@ -75,7 +75,7 @@ const CYCLES_PER_MS: u64 = CORE_HZ as u64 / 1_000;
 /// Cycles in which [`MAX_SLEW`] absorbs one ns.
 const CYCLES_PER_NS_AT_MAX_SLEW: u64 = CORE_HZ as u64 / MAX_SLEW.0 as u64;
 
-/// How the doubt grows while the crystal is refused, in ppb: 1 %.
+/// How the uncertainty grows while the crystal is refused, in ppb: 1 %.
 const BROKEN_PPB: f32 = 1e7;
 
 /// What [`MAX_SLEW`] absorbs until holdover begins, in ns.
@@ -91,12 +91,12 @@ pub struct Settings {
     pub latency_ns: u32,
     /// How far off that may be, in ns. 120 ms, what ArduPilot assumes for the
     /// latency of an M8, as long as the latency is taken for 0.
-    pub latency_doubt_ns: u32,
+    pub latency_uncertainty_ns: u32,
     /// How much faster than the crystal the clock has to run.
     pub frequency: Ppb,
     /// How far off that may be. 50 ppm while it is taken for 0: the crystals of
     /// three such boards were measured at +37, +37 and +44 ppm.
-    pub frequency_doubt: Ppb,
+    pub frequency_uncertainty: Ppb,
 }
 
 impl Settings {
@@ -104,9 +104,9 @@ impl Settings {
     pub const DEFAULT: Self = Self {
         require_confirmed: false,
         latency_ns: 0,
-        latency_doubt_ns: 120_000_000,
+        latency_uncertainty_ns: 120_000_000,
         frequency: Ppb(0),
-        frequency_doubt: Ppb::from_ppm(50),
+        frequency_uncertainty: Ppb::from_ppm(50),
     };
 
     /// The same for a receiver whose latency was measured, in ns, and is known as well as one
@@ -118,7 +118,7 @@ impl Settings {
         }
         Self {
             latency_ns,
-            latency_doubt_ns: LEARNT_DOUBT_NS,
+            latency_uncertainty_ns: LEARNT_UNCERTAINTY_NS,
             ..self
         }
     }
@@ -195,13 +195,13 @@ pub struct UtcClock<'a, W = AtomicU32> {
     slew: Ppb,
     /// When the error that is being absorbed will be gone.
     slew_ends: Cycles,
-    /// What is still to be absorbed when a slew begins, in ns: doubt, until it ends.
+    /// What is still to be absorbed when a slew begins, in ns: uncertainty, until it ends.
     unabsorbed_ns: u32,
-    doubt: Doubt,
-    latency_doubt_ns: u32,
+    uncertainty: Uncertainty,
+    latency_uncertainty_ns: u32,
     set_at: Cycles,
     /// The last mark or pulse that was believed.
-    last_heard: Cycles,
+    last_accepted: Cycles,
     steered_by: Source,
     last_epoch: UtcNanos,
     forecast: Option<PulseForecast>,
@@ -225,14 +225,14 @@ impl<'a, W: Word> UtcClock<'a, W> {
             slew: Ppb(0),
             slew_ends: Cycles::BOOT,
             unabsorbed_ns: 0,
-            doubt: Doubt {
+            uncertainty: Uncertainty {
                 at: Cycles::BOOT,
                 phase_ns: f32::MAX,
                 frequency_ppb: 0.0,
             },
-            latency_doubt_ns: 0,
+            latency_uncertainty_ns: 0,
             set_at: Cycles::BOOT,
-            last_heard: Cycles::BOOT,
+            last_accepted: Cycles::BOOT,
             steered_by: Source::Nothing,
             last_epoch: UtcNanos(i64::MIN),
             forecast: None,
@@ -284,7 +284,7 @@ impl<'a, W: Word> UtcClock<'a, W> {
             if let Some(frequency) = self.discipline.steady_frequency() {
                 // If the crystal was not steady after all, the last one was right.
                 let apart_ppb = frequency.0.saturating_sub(self.frequency.0);
-                self.doubt.frequency_ppb += apart_ppb.unsigned_abs() as f32;
+                self.uncertainty.frequency_ppb += apart_ppb.unsigned_abs() as f32;
                 self.frequency = frequency;
             }
             line.quality.state = ClockState::Holdover;
@@ -363,12 +363,12 @@ impl<'a, W: Word> UtcClock<'a, W> {
             at: mark.arrival,
             published: line.base,
         };
-        let correction = match self.discipline.hear_mark(&heard, epoch, mark.t_acc_ns) {
+        let correction = match self.discipline.handle_mark(&heard, epoch, mark.t_acc_ns) {
             Ok(correction) => correction,
             Err(refusal) => {
                 if refusal == Refusal::Crystal && line.quality.state != ClockState::Unset {
-                    // Nobody knows the frequency, so that the doubt has to grow like that.
-                    self.doubt.frequency_ppb = BROKEN_PPB;
+                    // Nobody knows the frequency, so that the uncertainty has to grow like that.
+                    self.uncertainty.frequency_ppb = BROKEN_PPB;
                     self.steer(&line, now);
                 }
                 return Outcome::Refused(refusal);
@@ -393,12 +393,12 @@ impl<'a, W: Word> UtcClock<'a, W> {
                 }
             }
             Correction::Nothing => {
-                self.last_heard = mark.arrival;
+                self.last_accepted = mark.arrival;
                 return Outcome::Confirmed;
             }
         };
         line.quality.state = ClockState::Set;
-        self.last_heard = mark.arrival;
+        self.last_accepted = mark.arrival;
         self.steered_by = Source::Message;
         self.steer(&line, now);
         outcome
@@ -420,7 +420,7 @@ impl<'a, W: Word> UtcClock<'a, W> {
             at: pulse.edge,
             published: line.base,
         };
-        let outcome = match self.discipline.hear_pulse(&heard, late_ns) {
+        let outcome = match self.discipline.handle_pulse(&heard, late_ns) {
             Ok(Correction::First(course)) if course.error_ns > LEAST_STEP_NS => {
                 self.step(&mut line, &course);
                 PulseOutcome::Stepped {
@@ -443,7 +443,7 @@ impl<'a, W: Word> UtcClock<'a, W> {
         }
         bump(&mut self.counters.pulses);
         line.quality.state = ClockState::Set;
-        self.last_heard = pulse.edge;
+        self.last_accepted = pulse.edge;
         self.steered_by = Source::Pulse;
         self.steer(&line, now);
         outcome
@@ -520,8 +520,8 @@ impl<'a, W: Word> UtcClock<'a, W> {
 
     fn take(&mut self, course: &Course) {
         self.frequency = course.frequency;
-        self.doubt = course.doubt;
-        self.latency_doubt_ns = course.latency_doubt_ns;
+        self.uncertainty = course.uncertainty;
+        self.latency_uncertainty_ns = course.latency_uncertainty_ns;
     }
 
     /// Whether the line has no room for a change of course: it keeps three models, and with two
@@ -547,22 +547,22 @@ impl<'a, W: Word> UtcClock<'a, W> {
         self.line.publish(&self.model);
     }
 
-    /// Writes the doubt into a model: what it is where that begins, and a straight line that is
+    /// Writes the uncertainty into a model: what it is where that begins, and a straight line that is
     /// above it until the model is replaced.
     fn appraise(&self, model: &mut ClockModel) {
         let lasts = self.lasts(model.quality.state);
-        let begins_ns = self.doubt.at(model.at);
-        let ends_ns = self.doubt.at(model.at.plus(lasts));
+        let begins_ns = self.uncertainty.at(model.at);
+        let ends_ns = self.uncertainty.at(model.at.plus(lasts));
         let lasts_s = lasts as f32 * (1.0 / CORE_HZ as f32);
         model.quality.uncertainty_ns = (begins_ns as u32)
             .saturating_add(1)
             .saturating_add(self.unabsorbed_ns)
-            .saturating_add(self.latency_doubt_ns);
+            .saturating_add(self.latency_uncertainty_ns);
         let growth_ppb = libm::ceilf((ends_ns - begins_ns) / lasts_s) as i32;
         model.quality.growth = model::growth(Ppb(growth_ppb));
     }
 
-    /// For how long a model is published at most before it is told anew, with the doubt of then.
+    /// For how long a model is published at most before it is told anew, with the uncertainty of then.
     const fn lasts(&self, state: ClockState) -> u64 {
         match (state, self.steered_by) {
             (ClockState::Set, Source::Pulse) => PULSE_LASTS,
@@ -572,7 +572,7 @@ impl<'a, W: Word> UtcClock<'a, W> {
     }
 
     const fn holdover_begins(&self) -> Cycles {
-        self.last_heard.plus(HOLDOVER_AFTER)
+        self.last_accepted.plus(HOLDOVER_AFTER)
     }
 }
 

@@ -4,9 +4,9 @@
 //! and whether a mark may be heard at all.
 //!
 //! *Design.* The [envelope](crate::envelope) of the messages and the [pulse](crate::pulse) are
-//! followed side by side, both on the board's own counter. Whichever has the smaller doubt steers.
+//! followed side by side, both on the board's own counter. Whichever has the smaller uncertainty steers.
 //! Under a pulse the messages are not idle: they confirm it, and the latency between the two is
-//! learnt. When the pulse is lost the clock runs on with what it taught, until its doubt has grown
+//! learnt. When the pulse is lost the clock runs on with what it taught, until its uncertainty has grown
 //! beyond the messages'; so nothing jumps, neither then nor when it comes back.
 //!
 //! A mark that is farther from the clock than [`OUTLIER_NS`] is a stall, a backlog or a jump:
@@ -15,17 +15,17 @@
 //! largest, tells by how much.
 //!
 //! A receiver whose time drifts away is told from a crystal by what crystals can do: an
-//! `Anchor` follows the floor and its frequency slowly, and what leaves its reach is refused.
+//! `DriftGuard` follows the floor and its frequency slowly, and what leaves its reach is refused.
 //!
 //! *Limits.* Without a pulse a receiver that drifts within a crystal's means is followed.
 
 use timebase::Cycles;
 
-use crate::anchor::Anchor;
 use crate::counters::Refusal;
-use crate::envelope::{Envelope, Floor, Heard};
-use crate::holdover::Doubt;
-use crate::pulse::{Edge, Pulse, PulseHeard, PulseRefusal, nearest_second};
+use crate::drift_guard::DriftGuard;
+use crate::envelope::{Envelope, EnvelopeEstimate, EnvelopeVerdict};
+use crate::holdover::Uncertainty;
+use crate::pulse::{NumberedEdge, Pulse, PulseRefusal, PulseVerdict, nearest_second};
 use crate::{Ppb, Settings, UtcNanos};
 
 /// A residual beyond this is an outlier: more than any latency measured on a
@@ -46,10 +46,10 @@ pub const CRYSTAL_PPB: f32 = 2_000_000.0;
 
 /// How far a latency that was learnt under the pulse may be off afterwards: 10 ms, as the floors of
 /// real receivers wander.
-pub const LEARNT_DOUBT_NS: u32 = 10_000_000;
+pub const LEARNT_UNCERTAINTY_NS: u32 = 10_000_000;
 
-/// A pulse that would have a learnt latency off by more is off the second: twice its doubt, in ns.
-const LEARNT_OFF_NS: i64 = 2 * LEARNT_DOUBT_NS as i64;
+/// A pulse that would have a learnt latency off by more is off the second: twice its uncertainty, in ns.
+const LEARNT_OFF_NS: i64 = 2 * LEARNT_UNCERTAINTY_NS as i64;
 
 /// Latencies that a receiver can have: none is negative, but the messages' floor may not have been
 /// found yet; and none measured was longer than 185 ms.
@@ -96,9 +96,9 @@ pub struct Course {
     /// How much faster than the crystal the clock has to run.
     pub frequency: Ppb,
     /// How far off it may be then, the receiver's latency apart.
-    pub doubt: Doubt,
+    pub uncertainty: Uncertainty,
     /// How far the receiver's latency may be from the one that is corrected, in ns.
-    pub latency_doubt_ns: u32,
+    pub latency_uncertainty_ns: u32,
     /// In how many ms the error is to be absorbed, if that is not too fast.
     pub absorb_ms: u32,
 }
@@ -110,7 +110,7 @@ pub enum Correction {
     Follow(Course),
     /// The same, and the error may be stepped over if it is forward: the first of its kind.
     First(Course),
-    /// Step by the error; the clock is wrong beyond doubt.
+    /// Step by the error; the clock is wrong beyond uncertainty.
     Step(Course),
     /// Go on as before: the mark confirms a better source, or the pulse waits for others.
     Nothing,
@@ -121,17 +121,17 @@ pub enum Correction {
 pub struct Discipline {
     envelope: Envelope,
     pulse: Pulse,
-    anchor: Anchor,
+    anchor: DriftGuard,
     latency_ns: i64,
-    latency_doubt_ns: u32,
+    latency_uncertainty_ns: u32,
     /// The last mark was refused because the receiver drifts.
     is_adrift: bool,
     /// The latency when the pulse began to be followed.
     latency_at_lock_ns: Option<i64>,
     contradictions: u8,
     has_followed_pulse: bool,
-    fast_ppb: f32,
-    fast_doubt_ppb: f32,
+    crystal_ppb: f32,
+    fast_uncertainty_ppb: f32,
     /// The last mark's floor: the board's ns since boot, and UTC then by the messages.
     told: Option<(u64, i64)>,
     run: Run,
@@ -149,21 +149,21 @@ impl Discipline {
     /// A discipline that has heard nothing.
     #[must_use]
     pub fn new(settings: &Settings) -> Self {
-        let fast_ppb = -(settings.frequency.0 as f32);
-        let doubt_ppb = settings.frequency_doubt.0 as f32;
+        let crystal_ppb = -(settings.frequency.0 as f32);
+        let uncertainty_ppb = settings.frequency_uncertainty.0 as f32;
         Self {
-            // The settings' doubt is a bound, the filter's a standard deviation.
-            envelope: Envelope::new(fast_ppb, doubt_ppb / 2.0),
+            // The settings' uncertainty is a bound, the filter's a standard deviation.
+            envelope: Envelope::new(crystal_ppb, uncertainty_ppb / 2.0),
             pulse: Pulse::new(),
-            anchor: Anchor::new(),
+            anchor: DriftGuard::new(),
             latency_ns: settings.latency_ns.into(),
-            latency_doubt_ns: settings.latency_doubt_ns,
+            latency_uncertainty_ns: settings.latency_uncertainty_ns,
             is_adrift: false,
             latency_at_lock_ns: None,
             contradictions: 0,
             has_followed_pulse: false,
-            fast_ppb,
-            fast_doubt_ppb: doubt_ppb,
+            crystal_ppb,
+            fast_uncertainty_ppb: uncertainty_ppb,
             told: None,
             run: Run::default(),
         }
@@ -183,7 +183,7 @@ impl Discipline {
             return None;
         }
         self.anchor
-            .steady_ppb(self.fast_ppb, self.fast_doubt_ppb)
+            .steady_ppb(self.crystal_ppb, self.fast_uncertainty_ppb)
             .map(slower)
     }
 
@@ -192,7 +192,7 @@ impl Discipline {
     /// # Errors
     /// Why it is to be ignored.
     #[inline(never)] // The bench counts its calls.
-    pub fn hear_mark(
+    pub fn handle_mark(
         &mut self,
         heard: &Observation,
         epoch: UtcNanos,
@@ -202,13 +202,13 @@ impl Discipline {
         let utc_ns = epoch.0.saturating_add(self.latency_ns);
         let residual_ns = utc_ns.saturating_sub(heard.published.0);
         if !is_first && residual_ns.unsigned_abs() > OUTLIER_NS.unsigned_abs() {
-            return self.hear_outlier(heard, epoch, residual_ns, t_acc_ns);
+            return self.handle_outlier(heard, epoch, residual_ns, t_acc_ns);
         }
         self.run = Run::default();
-        let floor = self.hear_envelope(heard, epoch)?;
+        let floor = self.handle_envelope(heard, epoch)?;
         let local_ns = heard.at.as_nanos();
         let floor_utc_ns = epoch.0.saturating_add(i64::from(floor.excess_ns));
-        if floor.fast_ppb > CRYSTAL_PPB || floor.fast_ppb < -CRYSTAL_PPB {
+        if floor.crystal_ppb > CRYSTAL_PPB || floor.crystal_ppb < -CRYSTAL_PPB {
             return Err(Refusal::Crystal);
         }
         let was_adrift = self.is_adrift;
@@ -218,20 +218,21 @@ impl Discipline {
                 // What it remembers of the way here would pass for a crystal's drift.
                 self.envelope.forget();
             }
-            self.envelope.believe(heard.at.as_micros(), self.fast_ppb);
+            self.envelope
+                .believe(heard.at.as_micros(), self.crystal_ppb);
             return Err(Refusal::Drift);
         }
         self.told = Some((local_ns, floor_utc_ns));
-        let doubt_ns = floor.doubt_ns + t_acc_ns as f32;
-        if self.pulse_is_better(local_ns, floor_utc_ns, doubt_ns)? {
+        let uncertainty_ns = floor.uncertainty_ns + t_acc_ns as f32;
+        if self.pulse_is_better(local_ns, floor_utc_ns, uncertainty_ns)? {
             return Ok(Correction::Nothing);
         }
-        self.fast_ppb = floor.fast_ppb;
-        self.fast_doubt_ppb = 2.0 * floor.frequency_doubt_ppb + LAG_PPB;
+        self.crystal_ppb = floor.crystal_ppb;
+        self.fast_uncertainty_ppb = 2.0 * floor.frequency_uncertainty_ppb + LAG_PPB;
         let error_ns = floor_utc_ns
             .saturating_add(self.latency_ns)
             .saturating_sub(heard.published.0);
-        let course = self.course(heard.at, error_ns, doubt_ns, ABSORB_MS.0);
+        let course = self.course(heard.at, error_ns, uncertainty_ns, ABSORB_MS.0);
         Ok(if is_first {
             Correction::First(course)
         } else {
@@ -239,41 +240,45 @@ impl Discipline {
         })
     }
 
-    fn hear_envelope(&mut self, heard: &Observation, epoch: UtcNanos) -> Result<Floor, Refusal> {
+    fn handle_envelope(
+        &mut self,
+        heard: &Observation,
+        epoch: UtcNanos,
+    ) -> Result<EnvelopeEstimate, Refusal> {
         let local_ns = heard.at.as_nanos();
         let lateness_ns = local_ns.cast_signed().wrapping_sub(epoch.0) as u32;
         match self.envelope.update(heard.at.as_micros(), lateness_ns) {
-            Heard::Floor(floor) => Ok(floor),
-            Heard::Moved(floor) => {
-                self.anchor = Anchor::new();
+            EnvelopeVerdict::Estimate(floor) => Ok(floor),
+            EnvelopeVerdict::Moved(floor) => {
+                self.anchor = DriftGuard::new();
                 if !core::mem::take(&mut self.is_adrift) {
                     return Ok(floor);
                 }
                 // What it learnt from the receiver's drift is not the crystal's frequency.
-                let doubt_ppb = self.fast_doubt_ppb.max(AFTER_DRIFT_PPB);
-                self.envelope = Envelope::new(self.fast_ppb, doubt_ppb);
-                self.hear_envelope(heard, epoch)
+                let uncertainty_ppb = self.fast_uncertainty_ppb.max(AFTER_DRIFT_PPB);
+                self.envelope = Envelope::new(self.crystal_ppb, uncertainty_ppb);
+                self.handle_envelope(heard, epoch)
             }
-            Heard::Late => Err(Refusal::Late),
-            Heard::Early => Err(Refusal::Early),
+            EnvelopeVerdict::Late => Err(Refusal::Late),
+            EnvelopeVerdict::Early => Err(Refusal::Early),
         }
     }
 
     /// Holds the floor against the pulse: learns the latency between them, or that they
-    /// contradict each other. Whether the pulse has the smaller doubt.
+    /// contradict each other. Whether the pulse has the smaller uncertainty.
     fn pulse_is_better(
         &mut self,
         local_ns: u64,
         floor_utc_ns: i64,
-        doubt_ns: f32,
+        uncertainty_ns: f32,
     ) -> Result<bool, Refusal> {
-        let Some((pulse_utc_ns, pulse_doubt_ns)) = self.pulse.utc_at(local_ns) else {
+        let Some((pulse_utc_ns, pulse_uncertainty_ns)) = self.pulse.utc_at(local_ns) else {
             return Ok(false);
         };
         let latency_ns = pulse_utc_ns.saturating_sub(floor_utc_ns);
-        if self.is_strange(latency_ns, pulse_doubt_ns) {
+        if self.is_strange(latency_ns, pulse_uncertainty_ns) {
             if !self.pulse.is_alive(local_ns) {
-                // The pulse is gone, but what it taught is good to its doubt: the messages drift.
+                // The pulse is gone, but what it taught is good to its uncertainty: the messages drift.
                 return Err(Refusal::Drift);
             }
             self.contradictions = self.contradictions.saturating_add(1);
@@ -290,7 +295,7 @@ impl Discipline {
             self.contradictions = 0;
             self.learn(latency_ns);
         }
-        Ok(pulse_doubt_ns <= doubt_ns + self.latency_doubt_ns as f32)
+        Ok(pulse_uncertainty_ns <= uncertainty_ns + self.latency_uncertainty_ns as f32)
     }
 
     /// Hears an edge of the pulse, which comes `late_ns` after the second that it stands for, by
@@ -298,7 +303,7 @@ impl Discipline {
     ///
     /// # Errors
     /// Why it is to be ignored.
-    pub fn hear_pulse(
+    pub fn handle_pulse(
         &mut self,
         heard: &Observation,
         late_ns: i32,
@@ -309,7 +314,7 @@ impl Discipline {
         };
         let since_ns = at_ns.wrapping_sub(told_at_ns).cast_signed();
         // An hour at 50 ppm is less than a second off: by then only the clock may number it.
-        let rise_ns = (self.fast_ppb * (since_ns as f32 * 1e-9)) as i64;
+        let rise_ns = (self.crystal_ppb * (since_ns as f32 * 1e-9)) as i64;
         let told_ns = floor_utc_ns
             .saturating_add(since_ns)
             .saturating_sub(rise_ns)
@@ -323,24 +328,27 @@ impl Discipline {
                 LATENCIES_NS.1 - self.latency_ns,
             )
         };
-        let edge = Edge {
+        let edge = NumberedEdge {
             at_ns,
             told_ns,
             plausible_ns,
         };
-        match self.pulse.update(&edge, self.fast_ppb, self.fast_doubt_ppb) {
-            PulseHeard::Candidate => Ok(Correction::Nothing),
-            PulseHeard::Refused(refusal) => Err(refusal),
-            PulseHeard::Followed(line) => {
-                self.fast_ppb = line.fast_ppb;
-                self.fast_doubt_ppb = line.frequency_doubt_ppb;
+        match self
+            .pulse
+            .update(&edge, self.crystal_ppb, self.fast_uncertainty_ppb)
+        {
+            PulseVerdict::Candidate => Ok(Correction::Nothing),
+            PulseVerdict::Refused(refusal) => Err(refusal),
+            PulseVerdict::Followed(line) => {
+                self.crystal_ppb = line.crystal_ppb;
+                self.fast_uncertainty_ppb = line.frequency_uncertainty_ppb;
                 let error_ns = line
                     .utc_ns
                     .saturating_add(late_ns.into())
                     .saturating_sub(heard.published.0);
                 let course = Course {
-                    latency_doubt_ns: 0,
-                    ..self.course(heard.at, error_ns, line.doubt_ns, ABSORB_MS.1)
+                    latency_uncertainty_ns: 0,
+                    ..self.course(heard.at, error_ns, line.uncertainty_ns, ABSORB_MS.1)
                 };
                 Ok(if core::mem::replace(&mut self.has_followed_pulse, true) {
                     Correction::Follow(course)
@@ -351,21 +359,21 @@ impl Discipline {
         }
     }
 
-    fn course(&self, at: Cycles, error_ns: i64, doubt_ns: f32, absorb_ms: u32) -> Course {
+    fn course(&self, at: Cycles, error_ns: i64, uncertainty_ns: f32, absorb_ms: u32) -> Course {
         Course {
             error_ns,
-            frequency: slower(self.fast_ppb),
-            doubt: Doubt {
+            frequency: slower(self.crystal_ppb),
+            uncertainty: Uncertainty {
                 at,
-                phase_ns: doubt_ns,
-                frequency_ppb: self.fast_doubt_ppb,
+                phase_ns: uncertainty_ns,
+                frequency_ppb: self.fast_uncertainty_ppb,
             },
-            latency_doubt_ns: self.latency_doubt_ns,
+            latency_uncertainty_ns: self.latency_uncertainty_ns,
             absorb_ms,
         }
     }
 
-    fn hear_outlier(
+    fn handle_outlier(
         &mut self,
         heard: &Observation,
         epoch: UtcNanos,
@@ -384,7 +392,7 @@ impl Discipline {
         // Within AGREEMENT_NS of each other, so it fits.
         let spread_ns = largest_ns.wrapping_sub(smallest_ns) as f32;
         self.envelope.forget();
-        self.anchor = Anchor::new();
+        self.anchor = DriftGuard::new();
         let by_ns = if self.pulse.is_followed() {
             // The pulse has the phase; what has changed is the second's number.
             let by_ns = nearest_second(largest_ns);
@@ -395,18 +403,18 @@ impl Discipline {
             largest_ns
         };
         self.told = None;
-        let _ = self.hear_envelope(heard, epoch);
+        let _ = self.handle_envelope(heard, epoch);
         self.told = Some((heard.at.as_nanos(), epoch.0));
-        let doubt_ns = spread_ns + t_acc_ns as f32;
-        let course = self.course(heard.at, by_ns, doubt_ns, ABSORB_MS.0);
+        let uncertainty_ns = spread_ns + t_acc_ns as f32;
+        let course = self.course(heard.at, by_ns, uncertainty_ns, ABSORB_MS.0);
         Ok(Correction::Step(course))
     }
 
     /// Whether a latency is none that this receiver, or any, can have.
-    fn is_strange(&self, latency_ns: i64, doubt_ns: f32) -> bool {
+    fn is_strange(&self, latency_ns: i64, uncertainty_ns: f32) -> bool {
         match self.latency_at_lock_ns {
             Some(then_ns) => {
-                let most_ns = CONTRADICTION_NS.saturating_add(doubt_ns as i64);
+                let most_ns = CONTRADICTION_NS.saturating_add(uncertainty_ns as i64);
                 latency_ns.abs_diff(then_ns) > most_ns.unsigned_abs()
             }
             None => !(LATENCIES_NS.0..=LATENCIES_NS.1).contains(&latency_ns),
@@ -417,17 +425,17 @@ impl Discipline {
         if self.latency_at_lock_ns.is_none() {
             self.latency_at_lock_ns = Some(latency_ns);
             self.latency_ns = latency_ns;
-            self.latency_doubt_ns = LEARNT_DOUBT_NS;
+            self.latency_uncertainty_ns = LEARNT_UNCERTAINTY_NS;
         } else {
             self.latency_ns += latency_ns.saturating_sub(self.latency_ns) / LEARNING;
         }
     }
 }
 
-/// What makes up for a crystal that is `fast_ppb` fast. On the board's own counter that is exact: a
+/// What makes up for a crystal that is `crystal_ppb` fast. On the board's own counter that is exact: a
 /// rate of 1 − f, where f was measured by that counter's seconds.
-fn slower(fast_ppb: f32) -> Ppb {
-    Ppb(-libm::rintf(fast_ppb) as i32)
+fn slower(crystal_ppb: f32) -> Ppb {
+    Ppb(-libm::rintf(crystal_ppb) as i32)
 }
 
 impl Run {

@@ -5,7 +5,7 @@
 //! crystal's frequency: the floor's line is what time it is.
 //!
 //! *Design.* All of it happens on the board's own counter, which nothing steers, so
-//! that no correction ever disturbs what was learnt. A mark is a `line::Point`.
+//! that no correction ever disturbs what was learnt. A mark is a `trend::Point`.
 //!
 //! * Bins (`bins`) of 2 s keep the lowest point of theirs, as it was measured. The floor's level
 //!   is the lowest of a window of them, each compared along the *current* frequency:
@@ -14,7 +14,7 @@
 //!   crystal that drifts by d bends the line by ~dW²/8: both are of a size where W³λ is a
 //!   constant.
 //! * The frequency moves by the slope between the lowest points of the older and of the
-//!   newer half, each time as far as its own doubt and the slope's say (a scalar
+//!   newer half, each time as far as its own uncertainty and the slope's say (a scalar
 //!   Kalman filter).
 //! * While the floor itself wanders (`wander`), the frequency is that of many minutes, and the level
 //!   the lowest of as many.
@@ -26,15 +26,15 @@
 //! farther from the line than [`TOO_LATE_NS`] are turned away, since lateness is kept in 32 bits.
 
 mod bins;
-mod edge;
-mod line;
+mod density;
 mod survey;
+mod trend;
 mod wander;
 
 use bins::Bins;
-use edge::Edge;
-use line::{Line, Point, seconds};
+use density::ArrivalDensity;
 use survey::Survey;
+use trend::{Point, Trend, seconds};
 use wander::Wander;
 
 use crate::holdover::DRIFT_PPB_PER_S;
@@ -89,7 +89,7 @@ const WINDOW_STEP: f32 = 0.02;
 /// 16.7 W²/8 ns, weighed against each other. Tuned.
 const WINDOW_CUBED_DENSITY: f32 = 0.15;
 
-/// How the estimate's doubt about the frequency grows, in ppb² a second.
+/// How the estimate's uncertainty about the frequency grows, in ppb² a second.
 const FREQUENCY_WALK: f32 = 80.0 * 80.0;
 /// Windows overlap from bin to bin; a slope is worth this part of a window's second.
 const SLOPE_WORTH_S: f32 = 100.0;
@@ -116,30 +116,30 @@ const FIRST_SLOPES_S: f32 = 16.0;
 
 /// What a mark says of the floor.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Floor {
+pub struct EnvelopeEstimate {
     /// How far above the floor the mark is, in ns.
     pub excess_ns: i32,
     /// By how much the crystal is fast, in ppb of its nominal frequency.
-    pub fast_ppb: f32,
+    pub crystal_ppb: f32,
     /// How far the line may be from the floor, in ns.
-    pub doubt_ns: f32,
+    pub uncertainty_ns: f32,
     /// How far the frequency may be off, in ppb.
-    pub frequency_doubt_ppb: f32,
+    pub frequency_uncertainty_ppb: f32,
     /// The frequency as many minutes have it, in ppb, once there are as many.
     pub slow_ppb: Option<f32>,
 }
 
 /// What became of a mark.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Heard {
+pub enum EnvelopeVerdict {
     /// It was taken in.
-    Floor(Floor),
+    Estimate(EnvelopeEstimate),
     /// It is later than any jitter: left alone.
     Late,
     /// It is earlier than any floor wanders, and not (yet) confirmed: left alone.
     Early,
     /// It confirms that the floor has moved: everything but the frequency begins anew.
-    Moved(Floor),
+    Moved(EnvelopeEstimate),
 }
 
 /// From `earlier_us` to `later_us`, µs since boot, in s; an hour at most.
@@ -153,7 +153,7 @@ enum Chore {
     Nothing,
     Survey(Survey),
     /// Points that are done, how far the lowest of them is above the line, in ns, and that line.
-    Level(usize, i32, Line),
+    Level(usize, i32, Trend),
     Wander,
 }
 
@@ -171,7 +171,7 @@ struct Away {
 /// The lower envelope of the marks.
 #[derive(Clone, Debug)]
 pub struct Envelope {
-    line: Line,
+    line: Trend,
     is_empty: bool,
     /// µs since boot, in full.
     started_us: u64,
@@ -182,7 +182,7 @@ pub struct Envelope {
     /// From the start to the mark that is being heard, in s.
     age_s: f32,
     bins: Bins<BINS>,
-    edge: Edge,
+    edge: ArrivalDensity,
     wander: Wander,
     chore: Chore,
     window_s: f32,
@@ -197,14 +197,14 @@ pub struct Envelope {
 }
 
 impl Envelope {
-    /// An envelope that has heard nothing, of a crystal that is `fast_ppb` fast, give
-    /// or take `doubt_ppb`.
+    /// An envelope that has heard nothing, of a crystal that is `crystal_ppb` fast, give
+    /// or take `uncertainty_ppb`.
     #[must_use]
-    pub fn new(fast_ppb: f32, doubt_ppb: f32) -> Self {
+    pub fn new(crystal_ppb: f32, uncertainty_ppb: f32) -> Self {
         Self {
-            line: Line {
-                fast_ppb,
-                ..Line::default()
+            line: Trend {
+                crystal_ppb,
+                ..Trend::default()
             },
             is_empty: true,
             started_us: 0,
@@ -212,12 +212,12 @@ impl Envelope {
             away: None,
             age_s: 0.0,
             bins: Bins::new(BIN_US),
-            edge: Edge::new(),
-            wander: Wander::new(fast_ppb),
+            edge: ArrivalDensity::new(),
+            wander: Wander::new(crystal_ppb),
             chore: Chore::Nothing,
             window_s: WINDOW_S.0,
             drifted_ns: 0.0,
-            variance: doubt_ppb * doubt_ppb,
+            variance: uncertainty_ppb * uncertainty_ppb,
             unexplained_ppb: 0.0,
             early: (0, 0),
         }
@@ -225,14 +225,14 @@ impl Envelope {
 
     /// Hears a mark that arrived `at_us` µs after boot; its arrival by the board's counter
     /// less its epoch is `lateness_ns`, in ns that wrap.
-    pub fn update(&mut self, at_us: u64, lateness_ns: u32) -> Heard {
+    pub fn update(&mut self, at_us: u64, lateness_ns: u32) -> EnvelopeVerdict {
         let point = Point {
             at_us: at_us as u32,
             lateness_ns,
         };
         if self.is_empty {
             self.begin(at_us, point);
-            return Heard::Floor(self.floor(point));
+            return EnvelopeVerdict::Estimate(self.floor(point));
         }
         let last_us = core::mem::replace(&mut self.last_us, at_us);
         if elapsed_s(at_us, last_us) > FORGET_AFTER_S {
@@ -244,9 +244,9 @@ impl Envelope {
             self.away = None;
         } else if self.has_moved(at_us, excess_ns) {
             self.begin(at_us, point);
-            return Heard::Moved(self.floor(point));
+            return EnvelopeVerdict::Moved(self.floor(point));
         } else if excess_ns > TOO_LATE_NS || self.stays_away(at_us) {
-            return Heard::Late;
+            return EnvelopeVerdict::Late;
         }
         if excess_ns < TOO_EARLY_NS && !self.is_young() {
             let (agreeing, first_ns) = self.early;
@@ -258,14 +258,14 @@ impl Envelope {
                 (1, excess_ns)
             };
             if self.early.0 < EARLY_AGREEING {
-                return Heard::Early;
+                return EnvelopeVerdict::Early;
             }
             self.begin(at_us, point);
-            return Heard::Moved(self.floor(point));
+            return EnvelopeVerdict::Moved(self.floor(point));
         }
         self.early.0 = self.early.0.saturating_sub(1);
         self.take_in(point, excess_ns);
-        Heard::Floor(self.floor(point))
+        EnvelopeVerdict::Estimate(self.floor(point))
     }
 
     /// Whether marks have stayed away from the line for long enough to say that the floor has
@@ -304,9 +304,9 @@ impl Envelope {
     }
 
     /// Takes back a frequency that was learnt from a receiver that is not believed.
-    pub fn believe(&mut self, at_us: u64, fast_ppb: f32) {
+    pub fn believe(&mut self, at_us: u64, crystal_ppb: f32) {
         self.line = self.line.moved_to(at_us as u32);
-        self.line.fast_ppb = fast_ppb;
+        self.line.crystal_ppb = crystal_ppb;
     }
 
     /// Forgets everything but the frequency: the receiver's time has jumped.
@@ -315,12 +315,12 @@ impl Envelope {
     }
 
     /// What the line says of a point.
-    fn floor(&self, point: Point) -> Floor {
-        Floor {
+    fn floor(&self, point: Point) -> EnvelopeEstimate {
+        EnvelopeEstimate {
             excess_ns: self.line.excess_ns(point),
-            fast_ppb: self.line.fast_ppb,
-            doubt_ns: self.doubt_ns(),
-            frequency_doubt_ppb: libm::sqrtf(self.variance).max(self.unexplained_ppb / 2.0),
+            crystal_ppb: self.line.crystal_ppb,
+            uncertainty_ns: self.uncertainty_ns(),
+            frequency_uncertainty_ppb: libm::sqrtf(self.variance).max(self.unexplained_ppb / 2.0),
             slow_ppb: self.wander.slow_ppb(),
         }
     }
@@ -349,8 +349,8 @@ impl Envelope {
         let silence_s = at_us.saturating_sub(last_us) as f32 * 1e-6;
         let ramp_ppb = (DRIFT_PPB_PER_S * silence_s).min(RETURN_PPB);
         // By the length of the silence, not by stamps that may have wrapped.
-        let rise_ns = self.line.fast_ppb * silence_s;
-        let line = Line {
+        let rise_ns = self.line.crystal_ppb * silence_s;
+        let line = Trend {
             at_us: at_us as u32,
             ..self.line.moved_to(last_us as u32).raised(rise_ns as i32)
         };
@@ -449,7 +449,7 @@ impl Envelope {
         if let Some(slow_ppb) = self.wander.slow_ppb()
             && self.wanders()
         {
-            self.line.fast_ppb = slow_ppb;
+            self.line.crystal_ppb = slow_ppb;
             self.variance = WANDER_VARIANCE;
             return;
         }
@@ -457,7 +457,7 @@ impl Envelope {
             return;
         };
         let span_s = survey.span_s();
-        let slope_doubt = TWO_HALVES * self.edge.scale_ns() / apart_s;
+        let slope_uncertainty = TWO_HALVES * self.edge.scale_ns() / apart_s;
         // The same points are asked again and again until the first window is full.
         let worth_s = if self.is_young() {
             FIRST_SLOPE_WORTH_S
@@ -470,7 +470,7 @@ impl Envelope {
         let chance_ns = 8.0 * TWO_HALVES * self.edge.gap_in(span_s);
         let may_be_far_off = self.is_young() && self.age_s > FIRST_SLOPES_S;
         if may_be_far_off && slope_ppb.abs() * apart_s > BEYOND_JITTER_NS + chance_ns {
-            self.line.fast_ppb += slope_ppb;
+            self.line.crystal_ppb += slope_ppb;
             self.variance = slope_ppb * slope_ppb / 4.0;
             return;
         }
@@ -483,7 +483,7 @@ impl Envelope {
         } else {
             0.0
         };
-        let gain = self.variance / (self.variance + slope_doubt * slope_doubt * worth);
+        let gain = self.variance / (self.variance + slope_uncertainty * slope_uncertainty * worth);
         // At first the edge is hardly known: no bin moves the frequency farther than belief allows.
         let most_ppb = if self.is_young() {
             2.0 * libm::sqrtf(self.variance)
@@ -492,7 +492,7 @@ impl Envelope {
         };
         // Not `clamp`, which would panic where the variance is not a number, and bring the
         // formatting of floats.
-        self.line.fast_ppb += (gain * slope_ppb).max(-most_ppb).min(most_ppb);
+        self.line.crystal_ppb += (gain * slope_ppb).max(-most_ppb).min(most_ppb);
         self.variance *= 1.0 - gain;
     }
 
@@ -523,7 +523,7 @@ impl Envelope {
     }
 
     /// How far the lowest of some of them is above `line`, in ns.
-    fn lowest_of_some(&self, from: usize, line: &Line) -> i32 {
+    fn lowest_of_some(&self, from: usize, line: &Trend) -> i32 {
         let recent = self.bins.full().iter().map(|point| (point, self.window_s));
         let long = self.wander.points().iter().map(|point| (point, f32::MAX));
         let mut lowest_ns = i32::MAX;
@@ -536,7 +536,7 @@ impl Envelope {
     }
 
     /// Puts the line's level so far above `line`, or lower if a mark has come lower meanwhile.
-    fn set_level(&mut self, lowest_ns: i32, line: Line, at_us: u32) {
+    fn set_level(&mut self, lowest_ns: i32, line: Trend, at_us: u32) {
         let since = self.bins.filling().map(|point| line.excess_ns(point));
         let lowest_ns = since.map_or(lowest_ns, |ns| ns.min(lowest_ns));
         // Whether a floor has moved farther is for the marks to come to say.
@@ -546,7 +546,7 @@ impl Envelope {
     }
 
     /// How far the line may be from the floor, in ns.
-    fn doubt_ns(&self) -> f32 {
+    fn uncertainty_ns(&self) -> f32 {
         let span_s = self.span_s();
         let bend_ns = DRIFT_PPB_PER_S * span_s * span_s / 16.0;
         let tilt_ns = (0.2 * libm::sqrtf(self.variance)).max(0.5 * self.unexplained_ppb) * span_s;
@@ -555,7 +555,7 @@ impl Envelope {
         } else {
             0.0
         };
-        self.edge.doubt_ns() + bend_ns + tilt_ns + drifted_ns + 2.0 * self.wander.scatter_ns()
+        self.edge.uncertainty_ns() + bend_ns + tilt_ns + drifted_ns + 2.0 * self.wander.scatter_ns()
     }
 }
 

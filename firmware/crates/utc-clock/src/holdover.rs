@@ -1,10 +1,10 @@
-//! Doubt: how far the clock may be off, and how that grows while nothing is heard.
+//! Uncertainty: how far the clock may be off, and how that grows while nothing is heard.
 //!
 //! *Purpose.* The one model of the crystal that the published uncertainty rests on.
 //!
 //! *Design.* What is known at a moment is known to so many ns, the frequency to so many
 //! ppb; from then on the crystal may drift by 1 ppm a minute, as its temperature does. So the
-//! doubt grows by `frequency · t + ½ · drift · t²`. Drift does not lead a crystal out of its
+//! uncertainty grows by `frequency · t + ½ · drift · t²`. Drift does not lead a crystal out of its
 //! specification: the linear part of it stops at `SPECIFICATION_PPB`.
 //!
 //! *Limits.* A crystal that is heated faster is not covered.
@@ -20,7 +20,7 @@ const SPECIFICATION_PPB: f32 = 50_000.0;
 
 /// What is known, and when.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Doubt {
+pub struct Uncertainty {
     /// The moment.
     pub at: Cycles,
     /// How far the clock may be off then, in ns.
@@ -29,7 +29,7 @@ pub struct Doubt {
     pub frequency_ppb: f32,
 }
 
-impl Doubt {
+impl Uncertainty {
     /// How far the clock may be off at `when`, in ns.
     #[must_use]
     pub fn at(&self, when: Cycles) -> f32 {
@@ -46,12 +46,12 @@ mod tests {
 
     #[test]
     fn it_is_a_parabola_and_then_a_line() {
-        let doubt = Doubt {
+        let uncertainty = Uncertainty {
             at: Cycles(u64::from(CORE_HZ)),
             phase_ns: 100.0,
             frequency_ppb: 10.0,
         };
-        let after = |s: u64| doubt.at(doubt.at.plus(s * u64::from(CORE_HZ)));
+        let after = |s: u64| uncertainty.at(uncertainty.at.plus(s * u64::from(CORE_HZ)));
         assert_eq!(after(0), 100.0);
         // 60 s: 10 ppb of them, and half of 1 ppm of them.
         assert!((after(60) - (100.0 + 600.0 + 30_000.0)).abs() < 1.0);

@@ -47,8 +47,8 @@ struct Covariance {
 
 impl Kalman {
     /// A filter that has seen one measurement, of phase 0, of a crystal whose
-    /// frequency is known to `doubt_ppb`.
-    pub(crate) const fn new(noise: Noise, frequency_ppb: f32, doubt_ppb: f32) -> Self {
+    /// frequency is known to `uncertainty_ppb`.
+    pub(crate) const fn new(noise: Noise, frequency_ppb: f32, uncertainty_ppb: f32) -> Self {
         Self {
             noise,
             phase_ns: 0.0,
@@ -58,7 +58,7 @@ impl Kalman {
                 pp: noise.measurement,
                 pf: 0.0,
                 pd: 0.0,
-                ff: doubt_ppb * doubt_ppb,
+                ff: uncertainty_ppb * uncertainty_ppb,
                 fd: 0.0,
                 dd: noise.drift_variance,
             },
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn doubt_shrinks_with_measurements_and_grows_without() {
+    fn uncertainty_shrinks_with_measurements_and_grows_without() {
         let mut filter = Kalman::new(RAMPING, 0.0, 1_000.0);
         for _ in 0..100 {
             filter.predict(1.0);

@@ -7,7 +7,7 @@
 //! decides whether a mark may be believed. [`envelope`] follows what marks have in
 //! common, [`pulse`] the time pulse; [`discipline`] decides which of them says how far
 //! the clock is off, [`clock`] how it follows: it owns the time line, a chain of
-//! [`model`]s, each an affine map from cycles to UTC, with a doubt that grows as in
+//! [`model`]s, each an affine map from cycles to UTC, with a uncertainty that grows as in
 //! [`holdover`]. [`published`] shares that line with readers of any priority, without
 //! a lock. [`paper`] is the clock of the boards that the paper measured, in place of all that.
 //! [`counters`] has the kinds of refusal and how often each occurred.
@@ -31,11 +31,11 @@
 #[cfg(test)]
 extern crate std;
 
-mod anchor;
 pub mod calendar;
 pub mod clock;
 pub mod counters;
 pub mod discipline;
+mod drift_guard;
 pub mod envelope;
 pub mod gate;
 pub mod holdover;

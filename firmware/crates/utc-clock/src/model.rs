@@ -227,12 +227,12 @@ pub(crate) const fn mult(rate: Ppb) -> u32 {
     ((NOMINAL + PER_PPB * rate as i64 + (1 << 23)) >> 24) as u32
 }
 
-/// The growth of the uncertainty of a clock whose rate is known to `doubt`.
-pub(crate) const fn growth(doubt: Ppb) -> u32 {
+/// The growth of the uncertainty of a clock whose rate is known to `uncertainty`.
+pub(crate) const fn growth(uncertainty: Ppb) -> u32 {
     // One ppb is 10^9 / CORE_HZ billionths of a ns a cycle: 2^32 / CORE_HZ here.
     const PER_PPB: u64 = (1 << 52) / CORE_HZ as u64 + 1;
     const MAX: u32 = (1 << 29) - 1;
-    let growth = (doubt.0.unsigned_abs() as u64 * PER_PPB) >> 20;
+    let growth = (uncertainty.0.unsigned_abs() as u64 * PER_PPB) >> 20;
     if growth > MAX as u64 {
         MAX
     } else {

@@ -66,8 +66,8 @@ const UNBIASED: f32 = 0.5;
 /// round, the mean passes through 0.
 const LAGS_FOR: u8 = 20;
 
-/// The doubt, in standard deviations.
-const DOUBT_SIGMAS: f32 = 2.55;
+/// The uncertainty, in standard deviations.
+const UNCERTAINTY_SIGMAS: f32 = 2.55;
 
 /// Why a pulse was not followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,24 +88,24 @@ pub enum PulseRefusal {
 
 /// What a pulse says.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PulseLine {
+pub struct PulseEstimate {
     /// UTC at the edge by the line, in ns: the second, but for the pulse's own noise.
     pub utc_ns: i64,
     /// By how much the crystal is fast, in ppb.
-    pub fast_ppb: f32,
+    pub crystal_ppb: f32,
     /// How far the line may be from the truth, in ns.
-    pub doubt_ns: f32,
+    pub uncertainty_ns: f32,
     /// How far the frequency may be off, in ppb.
-    pub frequency_doubt_ppb: f32,
+    pub frequency_uncertainty_ppb: f32,
 }
 
 /// What became of a pulse.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum PulseHeard {
+pub enum PulseVerdict {
     /// It fits; others have to, too, before they are followed.
     Candidate,
     /// It is followed.
-    Followed(PulseLine),
+    Followed(PulseEstimate),
     /// It is not.
     Refused(PulseRefusal),
 }
@@ -113,13 +113,13 @@ pub enum PulseHeard {
 /// The pulses' lines.
 #[derive(Clone, Debug)]
 pub struct Pulse {
-    followed: Option<Line>,
+    followed: Option<PulseTrack>,
     /// Grows beside a line that is lost, and replaces it when it is confirmed.
-    candidate: Option<Line>,
+    candidate: Option<PulseTrack>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Line {
+struct PulseTrack {
     quiet: Kalman,
     ramping: Kalman,
     /// The quiet filter has lagged so many pulses ago that it is not asked for so many more.
@@ -134,7 +134,7 @@ struct Line {
 
 /// A pulse, numbered by somebody.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Edge {
+pub struct NumberedEdge {
     /// The edge by the board's counter, in ns since boot.
     pub at_ns: u64,
     /// UTC by the messages, in ns.
@@ -183,10 +183,10 @@ impl Pulse {
             .second_ns
             .saturating_add(since_ns)
             .saturating_sub(ahead_ns as i64);
-        let doubt_ns = DOUBT_SIGMAS
+        let uncertainty_ns = UNCERTAINTY_SIGMAS
             * (filter.phase_deviation_ns() + filter.frequency_deviation_ppb() * since_s.abs())
             + 0.5 * DRIFT_PPB_PER_S * since_s * since_s;
-        Some((utc_ns, doubt_ns))
+        Some((utc_ns, uncertainty_ns))
     }
 
     /// Gives the seconds other numbers, `by_ns` more: the clock has stepped.
@@ -205,8 +205,13 @@ impl Pulse {
         self.candidate = None;
     }
 
-    /// Hears a pulse; the crystal's frequency is known from elsewhere, to `doubt_ppb`.
-    pub fn update(&mut self, edge: &Edge, fast_ppb: f32, doubt_ppb: f32) -> PulseHeard {
+    /// Hears a pulse; the crystal's frequency is known from elsewhere, to `uncertainty_ppb`.
+    pub fn update(
+        &mut self,
+        edge: &NumberedEdge,
+        crystal_ppb: f32,
+        uncertainty_ppb: f32,
+    ) -> PulseVerdict {
         if let Some(line) = &mut self.followed
             && elapsed_s(edge.at_ns, line.edge_ns) <= LOST_AFTER_S
         {
@@ -216,11 +221,11 @@ impl Pulse {
             && elapsed_s(edge.at_ns, line.edge_ns) <= LOST_AFTER_S
         {
             let heard = line.update(edge);
-            if matches!(heard, PulseHeard::Followed(_)) {
+            if matches!(heard, PulseVerdict::Followed(_)) {
                 self.followed = self.candidate.take();
             }
             // What bounces behind a candidate says nothing against it.
-            if heard != PulseHeard::Refused(PulseRefusal::OffLine) {
+            if heard != PulseVerdict::Refused(PulseRefusal::OffLine) {
                 return heard;
             }
         }
@@ -230,18 +235,18 @@ impl Pulse {
         let second_ns = nearest_second(edge.told_ns.saturating_add(middle_ns));
         let latency_ns = second_ns.saturating_sub(edge.told_ns);
         if !(least_ns..=greatest_ns).contains(&latency_ns) {
-            return PulseHeard::Refused(PulseRefusal::OffSecond);
+            return PulseVerdict::Refused(PulseRefusal::OffSecond);
         }
-        self.candidate = Some(Line {
-            quiet: Kalman::new(QUIET, fast_ppb, doubt_ppb),
-            ramping: Kalman::new(RAMPING, fast_ppb, doubt_ppb),
+        self.candidate = Some(PulseTrack {
+            quiet: Kalman::new(QUIET, crystal_ppb, uncertainty_ppb),
+            ramping: Kalman::new(RAMPING, crystal_ppb, uncertainty_ppb),
             lags_for: 0,
             bias: 0.0,
             edge_ns: edge.at_ns,
             second_ns,
             fitted: 1,
         });
-        PulseHeard::Candidate
+        PulseVerdict::Candidate
     }
 }
 
@@ -251,7 +256,7 @@ impl Default for Pulse {
     }
 }
 
-impl Line {
+impl PulseTrack {
     const fn filter(&self) -> &Kalman {
         if self.lags_for > 0 {
             &self.ramping
@@ -260,12 +265,12 @@ impl Line {
         }
     }
 
-    fn update(&mut self, edge: &Edge) -> PulseHeard {
+    fn update(&mut self, edge: &NumberedEdge) -> PulseVerdict {
         let since_ns = edge.at_ns.wrapping_sub(self.edge_ns).cast_signed();
         // Numbered by the crystal, which is right to a ms over the few seconds.
         let second_ns = self.second_ns.wrapping_add(nearest_second(since_ns));
         if since_ns < 0 || second_ns == self.second_ns {
-            return PulseHeard::Refused(PulseRefusal::Doubled);
+            return PulseVerdict::Refused(PulseRefusal::Doubled);
         }
         let dt_s = since_ns as f32 * 1e-9;
         let moved_ns = since_ns.wrapping_sub(second_ns.wrapping_sub(self.second_ns)) as f32;
@@ -275,7 +280,7 @@ impl Line {
         let innovation_ns = moved_ns - ramping.phase_ns;
         let gate_ns = GATE_NS + GATE_SIGMAS * libm::sqrtf(ramping.innovation_variance());
         if innovation_ns.abs() > gate_ns {
-            return PulseHeard::Refused(PulseRefusal::OffLine);
+            return PulseVerdict::Refused(PulseRefusal::OffLine);
         }
         ramping.update(innovation_ns);
         let quiet_ns = moved_ns - quiet.phase_ns;
@@ -286,7 +291,7 @@ impl Line {
             .iter()
             .any(|filter| filter.frequency_ppb.abs() > CRYSTAL_PPB)
         {
-            return PulseHeard::Refused(PulseRefusal::OffLine);
+            return PulseVerdict::Refused(PulseRefusal::OffLine);
         }
         self.bias += (surprise.clamp(-5.0, 5.0) - self.bias) / BIAS_OVER;
         if self.bias.abs() > BIASED {
@@ -305,14 +310,14 @@ impl Line {
             ..*self
         };
         if self.fitted < CONFIRMING {
-            return PulseHeard::Candidate;
+            return PulseVerdict::Candidate;
         }
         let filter = self.filter();
-        PulseHeard::Followed(PulseLine {
+        PulseVerdict::Followed(PulseEstimate {
             utc_ns: second_ns.saturating_sub(libm::rintf(filter.phase_ns) as i64),
-            fast_ppb: filter.frequency_ppb,
-            doubt_ns: DOUBT_SIGMAS * filter.phase_deviation_ns(),
-            frequency_doubt_ppb: DOUBT_SIGMAS * filter.frequency_deviation_ppb(),
+            crystal_ppb: filter.frequency_ppb,
+            uncertainty_ns: UNCERTAINTY_SIGMAS * filter.phase_deviation_ns(),
+            frequency_uncertainty_ppb: UNCERTAINTY_SIGMAS * filter.frequency_deviation_ppb(),
         })
     }
 }
@@ -338,22 +343,22 @@ mod tests {
 
     /// An edge so many ns after boot, on a crystal that is 10 ppm fast; the messages are 70 ms
     /// behind.
-    fn edge(true_ns: i64) -> Edge {
-        Edge {
+    fn edge(true_ns: i64) -> NumberedEdge {
+        NumberedEdge {
             at_ns: (true_ns + true_ns / 100_000) as u64,
             told_ns: START_NS + true_ns - 70 * MS,
             plausible_ns: UNKNOWN,
         }
     }
 
-    fn hear(pulse: &mut Pulse, true_ns: i64) -> PulseHeard {
+    fn handle(pulse: &mut Pulse, true_ns: i64) -> PulseVerdict {
         pulse.update(&edge(true_ns), 0.0, 25_000.0)
     }
 
     fn followed(seconds: i64) -> Pulse {
         let mut pulse = Pulse::new();
         for s in 1..=seconds {
-            hear(&mut pulse, s * SECOND_NS);
+            handle(&mut pulse, s * SECOND_NS);
         }
         assert!(pulse.is_followed());
         pulse
@@ -363,20 +368,23 @@ mod tests {
     fn the_fifth_that_fits_is_followed_and_names_its_second() {
         let mut pulse = Pulse::new();
         for s in 1..5 {
-            assert_eq!(hear(&mut pulse, s * SECOND_NS), PulseHeard::Candidate);
+            assert_eq!(handle(&mut pulse, s * SECOND_NS), PulseVerdict::Candidate);
             assert_eq!(pulse.utc_at(0), None);
         }
         for s in 5..60 {
-            let PulseHeard::Followed(line) = hear(&mut pulse, s * SECOND_NS) else {
+            let PulseVerdict::Followed(line) = handle(&mut pulse, s * SECOND_NS) else {
                 panic!("second {s}");
             };
             let off_ns = line.utc_ns - (START_NS + s * SECOND_NS);
             assert!(off_ns.abs() <= 10, "{off_ns}");
         }
         let at = edge(60 * SECOND_NS);
-        let (utc_ns, doubt_ns) = pulse.utc_at(at.at_ns).unwrap();
+        let (utc_ns, uncertainty_ns) = pulse.utc_at(at.at_ns).unwrap();
         let off_ns = utc_ns - (START_NS + 60 * SECOND_NS);
-        assert!(off_ns.abs() <= 10 && doubt_ns > 10.0, "{off_ns} {doubt_ns}");
+        assert!(
+            off_ns.abs() <= 10 && uncertainty_ns > 10.0,
+            "{off_ns} {uncertainty_ns}"
+        );
     }
 
     #[test]
@@ -391,10 +399,13 @@ mod tests {
             (SECOND_NS - 5_000, OffLine),
             (SECOND_NS + 5_000, OffLine),
         ] {
-            assert_eq!(hear(&mut pulse, at + off_ns), PulseHeard::Refused(refusal));
+            assert_eq!(
+                handle(&mut pulse, at + off_ns),
+                PulseVerdict::Refused(refusal)
+            );
         }
-        let next = hear(&mut pulse, at + SECOND_NS);
-        assert!(matches!(next, PulseHeard::Followed(_)));
+        let next = handle(&mut pulse, at + SECOND_NS);
+        assert!(matches!(next, PulseVerdict::Followed(_)));
     }
 
     #[test]
@@ -407,7 +418,7 @@ mod tests {
         ] {
             let mut pulse = Pulse::new();
             for s in 1..60 {
-                let edge = Edge {
+                let edge = NumberedEdge {
                     at_ns: (s * (SECOND_NS + ppm * 1_000)) as u64,
                     ..edge(s * SECOND_NS)
                 };
@@ -420,22 +431,22 @@ mod tests {
     #[test]
     fn a_pulse_that_is_not_on_the_second_is_no_candidate() {
         for (off_ms, is_refused) in [(0, false), (-100, false), (100, true), (500, true)] {
-            let heard = hear(&mut Pulse::new(), 7 * SECOND_NS + off_ms * MS);
+            let heard = handle(&mut Pulse::new(), 7 * SECOND_NS + off_ms * MS);
             let expected = if is_refused {
-                PulseHeard::Refused(PulseRefusal::OffSecond)
+                PulseVerdict::Refused(PulseRefusal::OffSecond)
             } else {
-                PulseHeard::Candidate
+                PulseVerdict::Candidate
             };
             assert_eq!(heard, expected, "{off_ms} ms");
         }
         // With a latency that is known, 100 ms early is not plausible either.
-        let known = Edge {
+        let known = NumberedEdge {
             told_ns: START_NS + 7 * SECOND_NS - 100 * MS,
             plausible_ns: (-20 * MS, 20 * MS),
             ..edge(7 * SECOND_NS)
         };
         let heard = Pulse::new().update(&known, 0.0, 0.0);
-        assert_eq!(heard, PulseHeard::Refused(PulseRefusal::OffSecond));
+        assert_eq!(heard, PulseVerdict::Refused(PulseRefusal::OffSecond));
     }
 
     #[test]
@@ -444,14 +455,17 @@ mod tests {
         // Half a ms off: refused as long as the old line counts.
         let moved = |s: i64| s * SECOND_NS + MS / 2;
         for s in 31..=39 {
-            assert!(matches!(hear(&mut pulse, moved(s)), PulseHeard::Refused(_)));
+            assert!(matches!(
+                handle(&mut pulse, moved(s)),
+                PulseVerdict::Refused(_)
+            ));
         }
         for s in 41..45 {
-            assert_eq!(hear(&mut pulse, moved(s)), PulseHeard::Candidate);
+            assert_eq!(handle(&mut pulse, moved(s)), PulseVerdict::Candidate);
         }
         assert!(matches!(
-            hear(&mut pulse, moved(45)),
-            PulseHeard::Followed(_)
+            handle(&mut pulse, moved(45)),
+            PulseVerdict::Followed(_)
         ));
     }
 

@@ -217,7 +217,7 @@ fn executed(
 }
 
 /// What hears a mark: the envelope, and what it says of the clock.
-const MARK: &str = "<utc_clock::discipline::Discipline>::hear_mark";
+const MARK: &str = "<utc_clock::discipline::Discipline>::handle_mark";
 
 /// What the clock itself does for a mark and for a pulse: the dearest of 20 s in which
 /// it follows both, after eight minutes, when its memory is full.

@@ -169,8 +169,8 @@ fn announce(sim: &SimOptions, utc_at_start: UtcNanos) -> anyhow::Result<()> {
         println!(
             "virtual Pixhawk 1 on tcp:127.0.0.1:{}, {}, tick {} µs, {source}",
             options.mavlink_port_of(index),
-            options.way().name(),
-            options.way().tick_us()
+            options.variant().name(),
+            options.variant().tick_us()
         );
     }
     Ok(())

@@ -4,7 +4,7 @@
 //! world whose laptop asks them all at the same moments.
 //!
 //! *Design.* The boards get power within the same second, each at a moment of its own.
-//! The first PING follows after `--settle`, the same for all ways. Each board has a
+//! The first PING follows after `--settle`, the same for all methods. Each board has a
 //! thread and lives alone, since nothing that it says changes what the others hear; it
 //! is run in steps of a second, so that Ctrl-C is soon obeyed. UTC is the world's time
 //! at the end of a PING's first byte. As in the paper, a message tells the boards that the
@@ -24,10 +24,10 @@ use console::Status;
 use fastrand::Rng;
 use fat_image::Kind;
 use indicatif::ProgressBar;
-use mavlink_node::client::{Client, GROUND_STATION, Heard, What};
+use mavlink_node::client::{Client, GROUND_STATION, Message, Received};
 use mavlink_node::{Address, Frame, Parameter, Test, Version};
 use testbed::{
-    Boards, Conversation, Keeper, Options, OwnLog, Place, Record, Run, Schedule, Way, progress,
+    Boards, Conversation, Method, Options, OwnLog, Place, Record, Results, Run, Schedule, progress,
 };
 use timebase::{Stamp, StampedByte};
 use virtual_pixhawk::{Builder, Card, Connector, Firmware, Gaps, Pixhawk, Script};
@@ -88,34 +88,34 @@ fn wrong_usage(message: &str) -> ! {
         .exit()
 }
 
-/// Every way with every seed.
+/// Every method with every seed.
 fn run(options: &Options) -> anyhow::Result<ExitCode> {
     ctrlc::set_handler(|| ASKED_TO_END.store(true, Ordering::Relaxed))?;
-    let ways = options.ways();
-    let mut keeper = Keeper::new(options, Place::Virtual, conditions(options))?;
+    let methods = options.methods();
+    let mut results = Results::new(options, Place::Virtual, conditions(options))?;
     // The first second is the one in which the boards get power.
     let each_s = 1 + u64::from(options.settle + options.duration + AFTERWARDS_S);
-    let bar = progress::bar(each_s * ways.len() as u64 * options.seeds);
-    'all: for way in ways {
+    let bar = progress::bar(each_s * methods.len() as u64 * options.seeds);
+    'all: for method in methods {
         for seed in options.seeds() {
-            bar.set_message(format!("{way}, seed {seed}"));
-            match one_run(options, way, seed, &bar) {
+            bar.set_message(format!("{method}, seed {seed}"));
+            match one_run(options, method, seed, &bar) {
                 // One that Ctrl-C ended before its first PING has nothing to keep.
                 Ok(run) if run.lasted_s == 0 => {}
-                Ok(run) => keeper.keep(run),
+                Ok(run) => results.keep(run),
                 Err(error) => {
-                    keeper.cut_short(&format!("{way}, seed {seed}: {error:#}"));
+                    results.cut_short(&format!("{method}, seed {seed}: {error:#}"));
                     break 'all;
                 }
             }
             if ASKED_TO_END.load(Ordering::Relaxed) {
-                keeper.cut_short("it was stopped by Ctrl-C");
+                results.cut_short("it was stopped by Ctrl-C");
                 break 'all;
             }
         }
     }
     bar.finish_and_clear();
-    keeper.end(options, ASKED_TO_END.load(Ordering::Relaxed))
+    results.end(options, ASKED_TO_END.load(Ordering::Relaxed))
 }
 
 /// What the report tells of the boards and their world.
@@ -144,11 +144,11 @@ fn conditions(options: &Options) -> Vec<(&'static str, String)> {
     ]
 }
 
-/// One way with one seed.
-fn one_run(options: &Options, way: Way, seed: u64, bar: &ProgressBar) -> anyhow::Result<Run> {
+/// One method with one seed.
+fn one_run(options: &Options, method: Method, seed: u64, bar: &ProgressBar) -> anyhow::Result<Run> {
     let settings = (0..).zip(&options.crystals.ppb);
     let boards = settings
-        .map(|(index, &crystal_ppb)| Lab::board(options, way, seed, index, crystal_ppb))
+        .map(|(index, &crystal_ppb)| Lab::board(options, method, seed, index, crystal_ppb))
         .collect::<anyhow::Result<Vec<_>>>()?;
     let lives = thread::scope(|scope| {
         let running: Vec<_> = (0..)
@@ -167,7 +167,7 @@ fn one_run(options: &Options, way: Way, seed: u64, bar: &ProgressBar) -> anyhow:
             .collect::<anyhow::Result<Vec<_>>>()
     })?;
     Ok(Run {
-        way,
+        method,
         seed,
         lasted_s: lives.iter().map(|life| life.lasted_s).min().unwrap_or(0),
         records: lives.into_iter().map(|life| life.record).collect(),
@@ -195,16 +195,16 @@ struct Life {
 impl Lab {
     fn board(
         options: &Options,
-        way: Way,
+        method: Method,
         seed: u64,
         index: usize,
         crystal_ppb: i32,
     ) -> anyhow::Result<Self> {
-        let image = way.image(index);
+        let image = method.image(index);
         let path = options.image(image).with_context(|| {
             format!("the image {image} is missing; `cargo xtask testbed` builds it")
         })?;
-        // What a seed makes of a board is the same under every way.
+        // What a seed makes of a board is the same under every method.
         let mut rng = Rng::with_seed(seed);
         rng = Rng::with_seed(rng.u64(..) ^ index as u64);
         let power_ns = rng.u64(0..POWER_WITHIN_NS);
@@ -225,7 +225,7 @@ impl Lab {
             .gps(Receiver::new(receiver.clone()))
             .telem1(Script::new(asked(schedule, test_ns - power_ns)))
             .card(Card::holding(&fat_image::formatted(Kind::Fat16)));
-        if way.has_pulse() {
+        if method.has_pulse() {
             builder = builder.pulse(Pulses::new(&receiver));
         }
         Ok(Self {
@@ -258,12 +258,12 @@ impl Lab {
             {
                 conversation.asked(sequence, since_test(ping.start.0), None);
             }
-            for heard in board.take_heard(Connector::Telem1)? {
+            for heard in board.take_received(Connector::Telem1)? {
                 let stamp = Stamp((heard.at.0 / 6) as u32);
                 let byte = heard.byte;
-                if let Some(Heard { what, .. }) = client.receive(StampedByte { stamp, byte }) {
+                if let Some(Received { what, .. }) = client.push(StampedByte { stamp, byte }) {
                     conversation.heard(since_test(heard.at.0), &what);
-                    if let What::Parameter { name, value, .. } = what
+                    if let Message::Parameter { name, value, .. } = what
                         && Parameter::named(name) == Some(Parameter::LogMissed)
                     {
                         log_missed = value as u32;

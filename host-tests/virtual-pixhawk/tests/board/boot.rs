@@ -106,7 +106,7 @@ struct Traces {
 
 fn traces(mut board: Pixhawk, meets: impl Fn(&mut Pixhawk)) -> Traces {
     meets(&mut board);
-    let heard = board.take_heard(Connector::Telem1).unwrap();
+    let heard = board.take_received(Connector::Telem1).unwrap();
     Traces {
         log: board.take_log().unwrap(),
         said: heard.iter().map(|heard| (heard.at.0, heard.byte)).collect(),

@@ -67,7 +67,7 @@ fn said_of_the_card(board: &mut Pixhawk) -> Vec<String> {
 
 /// What the board has told on its line, as far as it is text.
 fn texts(board: &mut Pixhawk) -> String {
-    let heard = board.take_heard(Connector::Telem1).unwrap();
+    let heard = board.take_received(Connector::Telem1).unwrap();
     let bytes: Vec<u8> = heard.iter().map(|heard| heard.byte).collect();
     String::from_utf8_lossy(&bytes).into_owned()
 }
@@ -105,7 +105,7 @@ fn the_file_has_a_line_for_each_ping_on_every_kind_of_card() {
     ] {
         let mut board = after_a_test(&firmware, Some(card), &[]);
         board.run_to(WorldNanos(7 * SECOND)).unwrap();
-        let heard = board.take_heard(Connector::Telem1).unwrap();
+        let heard = board.take_received(Connector::Telem1).unwrap();
         let answers = ping_answers(&heard);
         assert_eq!(answers.len(), 40);
         let expected = "the log is saved: file 1, samples 40";
@@ -205,7 +205,7 @@ fn every_trouble_is_told_by_its_kind_and_a_good_card_then_gets_all_of_it() {
         board.run_to(WorldNanos(9 * SECOND + 500 * MS)).unwrap();
         let expected = format!("the log is not saved: {logged}");
         assert_eq!(said_of_the_card(&mut board), [expected]);
-        let heard = board.take_heard(Connector::Telem1).unwrap();
+        let heard = board.take_received(Connector::Telem1).unwrap();
         let answers = ping_answers(&heard);
         assert_eq!(answers.len(), 40);
         let bytes: Vec<u8> = heard.iter().map(|heard| heard.byte).collect();
@@ -250,7 +250,7 @@ fn a_card_that_takes_the_place_of_another_in_mid_file_stays_as_it_was() {
     );
     let files = fat_image::files(&board.swap_card(None).unwrap().unwrap().image());
     assert_eq!(files["holiday.jpg"].contents.len(), 300_000);
-    let answers = ping_answers(&board.take_heard(Connector::Telem1).unwrap());
+    let answers = ping_answers(&board.take_received(Connector::Telem1).unwrap());
     assert_is_the_log(&files[FIRST_FILE].contents, &answers);
 }
 
@@ -287,7 +287,7 @@ fn traces(firmware: &Firmware, card: Option<Card>) -> Traces {
         readings.push(board.clock().unwrap().reading.utc.0);
     }
     board.run_for(SECOND).unwrap();
-    let answers = ping_answers(&board.take_heard(Connector::Telem1).unwrap());
+    let answers = ping_answers(&board.take_received(Connector::Telem1).unwrap());
     let log = board.take_log().unwrap();
     let texts = log.iter().map(|logged| logged.line.text.as_str());
     let last_status = texts.clone().rfind(|text| text.starts_with("status"));

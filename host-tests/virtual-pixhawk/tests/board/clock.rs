@@ -77,7 +77,7 @@ fn answers_carry_the_receivers_utc_within_the_latency_of_its_marks() {
         board.run_to(WorldNanos(7 * SECOND)).unwrap();
         let lateness_ns = lateness_ns(&board.truth().unwrap(), START_UTC_NS);
         assert!(lateness_ns.len() > 15, "5 Hz were not reached");
-        let heard = board.take_heard(Connector::Telem1).unwrap();
+        let heard = board.take_received(Connector::Telem1).unwrap();
         let answers = ping_answers(&heard);
         assert_eq!(answers.len(), asked_at.len(), "{version:?}: {answers:?}");
         for (seq, time_usec) in answers {
@@ -119,7 +119,7 @@ fn before_the_clock_is_set_answers_are_the_time_since_boot() {
     let asked_at = [WorldNanos(2 * SECOND), WorldNanos(3 * SECOND)];
     let mut board = board(firmware, 0, Receiver::new(settings), &asked_at, Version::V2);
     board.run_to(WorldNanos(4 * SECOND)).unwrap();
-    let answers = ping_answers(&board.take_heard(Connector::Telem1).unwrap());
+    let answers = ping_answers(&board.take_received(Connector::Telem1).unwrap());
     assert_eq!(answers.len(), 2);
     for (seq, time_usec) in answers {
         // It boots in less than a ms.
@@ -184,7 +184,7 @@ fn a_replayed_recording_is_answered_with_its_own_utc() {
         // Its bytes come at the board's speed, 0.114 % after their own: 0.1 µs a byte
         // of the burst before the mark.
         lateness_ns.push(lateness_ns.iter().max().unwrap() + 150_000);
-        let answers = ping_answers(&board.take_heard(Connector::Telem1).unwrap());
+        let answers = ping_answers(&board.take_received(Connector::Telem1).unwrap());
         assert_eq!(answers.len(), asked_at.len(), "{name}");
         for (seq, time_usec) in answers {
             let at = arrival(asked_at[seq as usize]);

@@ -1,9 +1,9 @@
 //! What the tests of the image have in common.
 
-use mavlink_node::client::{Client, What};
+use mavlink_node::client::{Client, Message};
 use mavlink_node::{Address, Version};
 use timebase::{Stamp, StampedByte};
-use virtual_pixhawk::{Firmware, HeardByte, IMAGE_VARIABLE};
+use virtual_pixhawk::{Firmware, IMAGE_VARIABLE, ReceivedByte};
 use world::{ReceiverSettings, Transmission, WorldNanos};
 
 pub(crate) const MS: u64 = 1_000_000;
@@ -47,7 +47,7 @@ pub(crate) fn pings(
 }
 
 /// What a node said in `heard`, each with the moment at which its last byte came.
-pub(crate) fn said(heard: &[HeardByte]) -> Vec<(WorldNanos, What)> {
+pub(crate) fn said(heard: &[ReceivedByte]) -> Vec<(WorldNanos, Message)> {
     let address = Address {
         system: 255,
         component: 190,
@@ -60,17 +60,17 @@ pub(crate) fn said(heard: &[HeardByte]) -> Vec<(WorldNanos, What)> {
                 stamp: Stamp((heard.at.0 / 6) as u32),
                 byte: heard.byte,
             };
-            Some((heard.at, client.receive(stamped)?.what))
+            Some((heard.at, client.push(stamped)?.what))
         })
         .collect()
 }
 
 /// The PING answers among them, as `(seq, time_usec)`.
-pub(crate) fn ping_answers(heard: &[HeardByte]) -> Vec<(u32, u64)> {
+pub(crate) fn ping_answers(heard: &[ReceivedByte]) -> Vec<(u32, u64)> {
     said(heard)
         .into_iter()
         .filter_map(|(_, what)| match what {
-            What::Ping { time_usec, seq, .. } => Some((seq, time_usec)),
+            Message::Ping { time_usec, seq, .. } => Some((seq, time_usec)),
             _ => None,
         })
         .collect()

@@ -7,10 +7,10 @@ use crate::common::{
     BAUD, BYTE_NS, MS, SECOND, image, ping_answers, pings, receiver_settings, said,
 };
 use console::Status;
-use mavlink_node::client::{Client, What};
+use mavlink_node::client::{Client, Message};
 use mavlink_node::{Address, Frame, Parameter, Test, Version};
 use sample_log::csv;
-use virtual_pixhawk::{Builder, Connector, Firmware, HeardByte, Pixhawk, Script};
+use virtual_pixhawk::{Builder, Connector, Firmware, Pixhawk, ReceivedByte, Script};
 use world::{Receiver, Transmission, WorldNanos};
 
 /// The board, and who asks it.
@@ -62,18 +62,18 @@ fn board(firmware: Firmware, heard: Vec<Transmission>) -> Pixhawk {
 }
 
 /// What the board has said since the last call, and in between its last status line.
-fn heard(board: &mut Pixhawk) -> (Vec<HeardByte>, Status) {
+fn heard(board: &mut Pixhawk) -> (Vec<ReceivedByte>, Status) {
     let log = board.take_log().unwrap();
     let mut statuses = log.iter().filter_map(|l| Status::parse(&l.line.text));
     let status = statuses.next_back().expect("a status each second");
-    (board.take_heard(Connector::Telem1).unwrap(), status)
+    (board.take_received(Connector::Telem1).unwrap(), status)
 }
 
 /// The pieces of the log among what was said, by where they begin.
-fn pieces(heard: &[HeardByte]) -> BTreeMap<u32, Vec<u8>> {
+fn pieces(heard: &[ReceivedByte]) -> BTreeMap<u32, Vec<u8>> {
     let what = said(heard).into_iter().map(|(_, what)| what);
     what.filter_map(|what| match what {
-        What::LogData {
+        Message::LogData {
             offset,
             data,
             count,
@@ -128,10 +128,10 @@ fn assert_is_what_was_told(file: &[u8], answers: &[(u32, u64)]) {
 }
 
 /// The last value of a parameter that was told.
-fn parameter(heard: &[HeardByte], wanted: Parameter) -> Option<f32> {
+fn parameter(heard: &[ReceivedByte], wanted: Parameter) -> Option<f32> {
     let what = said(heard).into_iter().map(|(_, what)| what);
     what.rev().find_map(|what| match what {
-        What::Parameter { name, value, .. } if Parameter::named(name) == Some(wanted) => {
+        Message::Parameter { name, value, .. } if Parameter::named(name) == Some(wanted) => {
             Some(value)
         }
         _ => None,
@@ -139,20 +139,20 @@ fn parameter(heard: &[HeardByte], wanted: Parameter) -> Option<f32> {
 }
 
 /// The texts that were told.
-fn texts(heard: &[HeardByte]) -> Vec<String> {
+fn texts(heard: &[ReceivedByte]) -> Vec<String> {
     let what = said(heard).into_iter().map(|(_, what)| what);
     what.filter_map(|what| match what {
-        What::StatusText { text, .. } => Some(text.as_str().to_owned()),
+        Message::StatusText { text, .. } => Some(text.as_str().to_owned()),
         _ => None,
     })
     .collect()
 }
 
 /// The results of commands that were told.
-fn results(heard: &[HeardByte]) -> Vec<u8> {
+fn results(heard: &[ReceivedByte]) -> Vec<u8> {
     let what = said(heard).into_iter().map(|(_, what)| what);
     what.filter_map(|what| match what {
-        What::CommandAck { command, result } => {
+        Message::CommandAck { command, result } => {
             assert_eq!(command, 31_010);
             Some(result)
         }
@@ -184,12 +184,12 @@ fn the_log_over_the_line_is_what_the_pings_were_told() {
         let (heard_first, _) = heard(&mut board);
         let answers = ping_answers(&heard_first);
         assert_eq!(answers.len(), 350);
-        assert_eq!(results(&heard_first), [What::ACCEPTED]);
+        assert_eq!(results(&heard_first), [Message::ACCEPTED]);
         let size = 351 * csv::LINE;
         let entries: Vec<_> = said(&heard_first)
             .into_iter()
             .filter_map(|(_, what)| match what {
-                What::LogEntry { id, logs, size, .. } => Some((id, logs, size as usize)),
+                Message::LogEntry { id, logs, size, .. } => Some((id, logs, size as usize)),
                 _ => None,
             })
             .collect();
@@ -198,7 +198,7 @@ fn the_log_over_the_line_is_what_the_pings_were_told() {
         let file = file(pieces(&heard_first));
         assert_is_what_was_told(&file, &answers);
         // A frame has up to 109 bytes for 90 of the file: it took little longer than that.
-        let is_data = |what: &What| matches!(what, What::LogData { .. });
+        let is_data = |what: &Message| matches!(what, Message::LogData { .. });
         let said = said(&heard_first);
         let (last, _) = said.iter().rfind(|(_, what)| is_data(what)).unwrap();
         let least_ns = size.div_ceil(90) as u64 * 109 * BYTE_NS;
@@ -277,7 +277,7 @@ fn what_is_frozen_stays_and_what_begins_is_empty() {
     board.run_to(WorldNanos(9 * SECOND)).unwrap();
     let (second, _) = heard(&mut board);
     assert_eq!(parameter(&second, Parameter::LogLen), Some(0.0));
-    assert_eq!(results(&second), [What::ACCEPTED; 2]);
+    assert_eq!(results(&second), [Message::ACCEPTED; 2]);
     let tested: Vec<_> = ping_answers(&second)
         .into_iter()
         .filter(|(seq, _)| (61..=80).contains(seq))

@@ -1,4 +1,4 @@
-//! The paper's ways: each boots with its priorities and its tick, tells whole ticks, sets its
+//! The paper's variants: each boots with its priorities and its tick, tells whole ticks, sets its
 //! clock at every NAV-PVT, and is late by the frame's time on the wire and its wait.
 //!
 //! The bounds are the flow's own arithmetic: a poll sees bytes within a ms, the wait is what PX4
@@ -6,7 +6,7 @@
 
 use std::collections::BTreeSet;
 
-use console::{Status, Way};
+use console::{Status, Variant};
 use mavlink_node::Version;
 use timebase::Cycles;
 use timebase::sleep::wakes_at;
@@ -28,7 +28,7 @@ const SYSTICK: u16 = 15;
 /// One of the paper's ways on a line.
 #[derive(Clone, Copy, Debug)]
 struct Case {
-    way: Way,
+    variant: Variant,
     gps_baud: u32,
     /// The wait between poll and read, in µs.
     wait_us: u32,
@@ -37,7 +37,7 @@ struct Case {
 }
 
 const DEFAULT: Case = Case {
-    way: Way::PaperDefault,
+    variant: Variant::PaperDefault,
     gps_baud: 115_200,
     wait_us: 2_777,
     priorities: ("0x80", "0x80"),
@@ -48,14 +48,14 @@ const DEFAULT_AT_38400: Case = Case {
     ..DEFAULT
 };
 const STEP_1: Case = Case {
-    way: Way::PaperStep1,
+    variant: Variant::PaperStep1,
     wait_us: 5_000,
     ..DEFAULT
 };
 
 const fn step_2(tick_us: u32) -> Case {
     Case {
-        way: Way::PaperStep2 { tick_us },
+        variant: Variant::PaperStep2 { tick_us },
         priorities: ("0x00", "0x80"),
         ..STEP_1
     }
@@ -74,7 +74,11 @@ impl Case {
     /// The image that `cargo xtask board-test` hands over; `None` if the test has to be skipped,
     /// which has been said.
     fn image(&self) -> Option<Firmware> {
-        let name = self.way.to_string().to_uppercase().replace(['-', ':'], "_");
+        let name = self
+            .variant
+            .to_string()
+            .to_uppercase()
+            .replace(['-', ':'], "_");
         let ending = if self.gps_baud == 38_400 {
             "_38400BD"
         } else {
@@ -85,12 +89,12 @@ impl Case {
     }
 
     fn tick_ns(&self) -> i64 {
-        i64::from(self.way.tick_us()) * 1_000
+        i64::from(self.variant.tick_us()) * 1_000
     }
 
     /// The wait and all that NuttX makes of it, in ns.
     fn longest_wait_ns(&self) -> i64 {
-        let wakes_at = wakes_at(Cycles::BOOT, self.wait_us, self.way.tick_us() * 168);
+        let wakes_at = wakes_at(Cycles::BOOT, self.wait_us, self.variant.tick_us() * 168);
         wakes_at.as_nanos().cast_signed()
     }
 
@@ -129,8 +133,8 @@ fn each_says_what_it_is_and_has_its_priorities_and_its_tick() {
         let mut board = power_on(firmware, &m8(0), &[]);
         board.run_to(WorldNanos(5 * SECOND + 500 * MS)).unwrap();
         let log = board.take_log().unwrap();
-        let (name, tick_us) = (case.way.name(), case.way.tick_us());
-        let first = format!("way {name}, tick {tick_us} us");
+        let (name, tick_us) = (case.variant.name(), case.variant.tick_us());
+        let first = format!("variant {name}, tick {tick_us} us");
         assert!(log[0].line.text.contains(&first), "{:?}", log[0]);
         let (tick, other) = case.priorities;
         let priorities = format!(
@@ -139,7 +143,7 @@ fn each_says_what_it_is_and_has_its_priorities_and_its_tick() {
         assert_eq!(log[1].line.text, priorities);
 
         let status = last_status(&log);
-        assert_eq!(status.get("way"), Some(name));
+        assert_eq!(status.get("variant"), Some(name));
         assert!(status.is_set(), "{case:?}: {status:?}");
         for never in [
             "lost_ticks",
@@ -167,7 +171,7 @@ fn each_says_what_it_is_and_has_its_priorities_and_its_tick() {
 fn a_ping_is_answered_in_whole_ticks() {
     for case in CASES {
         let Some(firmware) = case.image() else { return };
-        let tick_us = u64::from(case.way.tick_us());
+        let tick_us = u64::from(case.variant.tick_us());
         // Before the clock is set; and between two sets, while the receiver is silent.
         let before = (0..20).map(|n| WorldNanos(500 * MS + n * 17 * MS + n * n * 1_234));
         let between = (0..40).map(|n| WorldNanos(7 * SECOND + n * 41 * MS + n * n * 1_234));
@@ -180,7 +184,7 @@ fn a_ping_is_answered_in_whole_ticks() {
         }];
         let mut board = power_on(firmware, &settings, &asked_at);
         board.run_to(WorldNanos(9 * SECOND)).unwrap();
-        let answers = ping_answers(&board.take_heard(Connector::Telem1).unwrap());
+        let answers = ping_answers(&board.take_received(Connector::Telem1).unwrap());
         assert_eq!(answers.len(), asked_at.len(), "{case:?}");
         let (before, between) = answers.split_at(20);
         for (_, time_us) in before {
@@ -269,7 +273,7 @@ fn a_clock_is_late_by_the_frame_and_the_wait_and_set_by_every_nav_pvt() {
         let after = figures(&found.after_frame_ns);
         println!(
             "{} at {}: late by {:.2} ± {:.2} ms ({:.2} to {:.2}); of it after the frame {:.2} ± {:.2} ms ({:.2} to {:.2}); {} marks",
-            case.way,
+            case.variant,
             case.gps_baud,
             total.0,
             total.1,

@@ -26,7 +26,7 @@ pub struct ArduPilot {
 }
 
 impl Other for ArduPilot {
-    fn hear(&mut self, local_ns: i64, epoch_utc_ns: i64) {
+    fn handle_mark(&mut self, local_ns: i64, epoch_utc_ns: i64) {
         let told = local_ns - epoch_utc_ns;
         let assumed = self.lag_ns.map_or(told, |lag| lag.min(told));
         self.lag_ns = Some(assumed.max(told - MAX_LAG_NS));
@@ -59,7 +59,7 @@ mod tests {
         let mut clock = ArduPilot::default();
         for (number, lag) in (0..).zip(lags_ms) {
             let epoch = number * 200 * MS;
-            clock.hear(epoch + lag * MS, epoch);
+            clock.handle_mark(epoch + lag * MS, epoch);
         }
         -clock.utc_ns(0).unwrap() / MS
     }

@@ -134,7 +134,7 @@ pub struct Chrony {
 }
 
 impl Other for Chrony {
-    fn hear(&mut self, local_ns: i64, epoch_utc_ns: i64) {
+    fn handle_mark(&mut self, local_ns: i64, epoch_utc_ns: i64) {
         let (local, utc) = *self.origin.get_or_insert((local_ns, epoch_utc_ns));
         let t = (local_ns - local) as f64 * 1e-9;
         let y = ((epoch_utc_ns - utc) - (local_ns - local)) as f64 * 1e-9;
@@ -336,7 +336,7 @@ mod tests {
         let local = |utc: i64| 7 * SECOND + utc + utc * 3 / 100_000;
         for number in 0..seconds * 5 {
             let epoch = number * SECOND / 5;
-            clock.hear(local(epoch + latency(number)), epoch);
+            clock.handle_mark(local(epoch + latency(number)), epoch);
         }
         let now = seconds * SECOND;
         Some(clock.utc_ns(local(now))? - now)

@@ -25,7 +25,7 @@ pub trait Other {
     /// Hears that the first byte of the message that tells `epoch_utc_ns` (UTC
     /// since 1970) arrived at `local_ns` of the board's nominal time. Calls come
     /// in the order of the arrivals.
-    fn hear(&mut self, local_ns: i64, epoch_utc_ns: i64);
+    fn handle_mark(&mut self, local_ns: i64, epoch_utc_ns: i64);
 
     /// What it publishes at `local_ns`, in ns of UTC since 1970; nothing as long
     /// as it is unset. Never asked about a time before the last message.

@@ -7,7 +7,7 @@
 //!
 //! *Left out.* The wait between poll and read and the whole ticks of the clock:
 //! what is left is the receiver's latency and its jitter. An image built for one of the paper's
-//! ways (`PIXCLOCK_WAY`) has them.
+//! variants (`PIXCLOCK_VARIANT`) has them.
 
 use super::Other;
 
@@ -18,7 +18,7 @@ pub struct Paper {
 }
 
 impl Other for Paper {
-    fn hear(&mut self, local_ns: i64, epoch_utc_ns: i64) {
+    fn handle_mark(&mut self, local_ns: i64, epoch_utc_ns: i64) {
         self.offset_ns = Some(epoch_utc_ns - local_ns);
     }
 
@@ -35,8 +35,8 @@ mod tests {
     fn the_last_message_is_the_time() {
         let mut clock = Paper::default();
         assert_eq!(clock.utc_ns(0), None);
-        clock.hear(100, 5_000);
-        clock.hear(350, 5_200);
+        clock.handle_mark(100, 5_000);
+        clock.handle_mark(350, 5_200);
         assert_eq!(clock.utc_ns(400), Some(5_250));
     }
 }

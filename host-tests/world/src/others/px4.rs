@@ -23,7 +23,7 @@ pub struct Px4 {
 }
 
 impl Other for Px4 {
-    fn hear(&mut self, local_ns: i64, epoch_utc_ns: i64) {
+    fn handle_mark(&mut self, local_ns: i64, epoch_utc_ns: i64) {
         let told = epoch_utc_ns - local_ns;
         let offset_ns = match self.state {
             Some((offset_ns, then)) if told >= offset_ns - RESET_NS => {
@@ -50,14 +50,14 @@ mod tests {
     #[test]
     fn the_least_late_leaks_at_100_ppm_and_a_stall_begins_anew() {
         let mut clock = Px4::default();
-        clock.hear(0, 0);
-        clock.hear(SECOND + 30_000_000, SECOND);
+        clock.handle_mark(0, 0);
+        clock.handle_mark(SECOND + 30_000_000, SECOND);
         // 1.03 s of leak.
         assert_eq!(clock.utc_ns(2 * SECOND), Some(2 * SECOND - 103_000));
-        clock.hear(2 * SECOND + 110_000_000, 2 * SECOND);
+        clock.handle_mark(2 * SECOND + 110_000_000, 2 * SECOND);
         assert_eq!(clock.utc_ns(3 * SECOND), Some(3 * SECOND - 110_000_000));
         // And up again at once.
-        clock.hear(3 * SECOND, 3 * SECOND);
+        clock.handle_mark(3 * SECOND, 3 * SECOND);
         assert_eq!(clock.utc_ns(3 * SECOND), Some(3 * SECOND));
     }
 }

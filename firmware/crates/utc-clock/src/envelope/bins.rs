@@ -8,7 +8,7 @@
 //!
 //! *Limits.* Full bins come back in no particular order: none is needed here.
 
-use super::line::{Line, Point, seconds};
+use super::trend::{Point, Trend, seconds};
 
 /// The bin that is being filled, and the lowest points of up to `N` full ones.
 #[derive(Clone, Debug)]
@@ -76,7 +76,7 @@ impl<const N: usize> Bins<N> {
 
     /// Puts a point that is `excess_ns` above `line` into the bin that is being filled. Of the two
     /// lowest so far the higher one comes back.
-    pub(super) fn fill(&mut self, point: Point, excess_ns: i32, line: &Line) -> Option<i32> {
+    pub(super) fn fill(&mut self, point: Point, excess_ns: i32, line: &Trend) -> Option<i32> {
         let lowest_ns = self.filling.map(|lowest| line.excess_ns(lowest));
         match lowest_ns {
             Some(lowest_ns) if lowest_ns <= excess_ns => Some(excess_ns),
@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn the_lowest_of_the_newest_bins_are_kept() {
-        let line = Line::default();
+        let line = Trend::default();
         let mut bins = Bins::<3>::new(10);
         bins.begin(0);
         for bin in 0..7_u32 {
@@ -138,7 +138,7 @@ mod tests {
 
     #[test]
     fn the_second_lowest_comes_back() {
-        let line = Line::default();
+        let line = Trend::default();
         let mut bins = Bins::<3>::new(10);
         let heard: Vec<_> = [7, 9, 3, 5, 1]
             .into_iter()

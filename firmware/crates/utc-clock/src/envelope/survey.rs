@@ -8,8 +8,8 @@
 //!
 //! *Limits.* A bin that is overwritten meanwhile counts as it is then.
 
-use super::edge::Lowest;
-use super::line::{Line, Point, seconds};
+use super::density::Lowest;
+use super::trend::{Point, Trend, seconds};
 
 /// So many points are looked at for one mark.
 const AT_ONCE: usize = 12;
@@ -17,7 +17,7 @@ const AT_ONCE: usize = 12;
 /// A look over the window.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Survey {
-    line: Line,
+    line: Trend,
     span_s: f32,
     done: usize,
     lowest: Lowest,
@@ -28,7 +28,7 @@ pub(super) struct Survey {
 
 impl Survey {
     /// A survey of the last `span_s` before the moment that `line` is told from.
-    pub(super) const fn new(line: Line, span_s: f32) -> Self {
+    pub(super) const fn new(line: Trend, span_s: f32) -> Self {
         Self {
             line,
             span_s,
@@ -88,9 +88,9 @@ mod tests {
 
     #[test]
     fn pieces_make_the_whole() {
-        let line = Line {
+        let line = Trend {
             at_us: 100_000_000,
-            ..Line::default()
+            ..Trend::default()
         };
         // A point each 2 s, 1 000 ns a second up, and one low point in each half.
         let points: Vec<Point> = (0..50_u32)
@@ -108,7 +108,7 @@ mod tests {
 
     #[test]
     fn a_half_without_points_has_no_slope() {
-        let mut survey = Survey::new(Line::default(), 10.0);
+        let mut survey = Survey::new(Trend::default(), 10.0);
         assert!(survey.look(&[]));
         assert_eq!(survey.slope(), None);
     }

@@ -8,16 +8,16 @@ const PERIOD_US: i64 = 200_000;
 /// A receiver at 5 Hz on a board whose crystal is so fast, and what it was told last.
 struct Marks {
     envelope: Envelope,
-    fast_ppb: i64,
+    crystal_ppb: i64,
     number: i64,
     chance: u64,
 }
 
 impl Marks {
-    fn new(fast_ppb: i64) -> Self {
+    fn new(crystal_ppb: i64) -> Self {
         Self {
             envelope: Envelope::new(0.0, 25_000.0),
-            fast_ppb,
+            crystal_ppb,
             number: 0,
             chance: 1,
         }
@@ -33,23 +33,23 @@ impl Marks {
     }
 
     /// The next mark, so late by true time.
-    fn hear(&mut self, late_ns: i64) -> Heard {
+    fn handle(&mut self, late_ns: i64) -> EnvelopeVerdict {
         let epoch_us = self.number * PERIOD_US;
         self.number += 1;
         let arrival_us = epoch_us + late_ns / 1_000;
-        let crystal_ns = arrival_us * self.fast_ppb / 1_000_000;
+        let crystal_ns = arrival_us * self.crystal_ppb / 1_000_000;
         let at_us = arrival_us + crystal_ns / 1_000;
         self.envelope
             .update(at_us as u64, (late_ns + crystal_ns) as u32)
     }
 
     /// Marks for so many seconds; the last floor.
-    fn hear_for(&mut self, s: i64, floor_ns: impl Fn(f64) -> f64) -> Floor {
+    fn hear_for(&mut self, s: i64, floor_ns: impl Fn(f64) -> f64) -> EnvelopeEstimate {
         let mut last = None;
         for _ in 0..s * 5 {
             let at_s = self.number as f64 / 5.0;
             let late_ns = 50 * MS + floor_ns(at_s) as i64 + self.jitter();
-            if let Heard::Floor(floor) = self.hear(late_ns) {
+            if let EnvelopeVerdict::Estimate(floor) = self.handle(late_ns) {
                 last = Some(floor);
             }
         }
@@ -59,20 +59,20 @@ impl Marks {
 
 #[test]
 fn floor_and_frequency_are_found() {
-    for fast_ppb in [-50_000, 0, 44_000] {
-        let mut marks = Marks::new(fast_ppb);
+    for crystal_ppb in [-50_000, 0, 44_000] {
+        let mut marks = Marks::new(crystal_ppb);
         let floor = marks.hear_for(180, |_| 0.0);
         assert!(
-            (floor.fast_ppb - fast_ppb as f32).abs() < 5_000.0,
+            (floor.crystal_ppb - crystal_ppb as f32).abs() < 5_000.0,
             "{floor:?}"
         );
         // The next mark is so late as we know, so that its excess is the line's error.
-        let Heard::Floor(floor) = marks.hear(60 * MS) else {
+        let EnvelopeVerdict::Estimate(floor) = marks.handle(60 * MS) else {
             panic!("a good mark");
         };
         let off_ns = i64::from(floor.excess_ns) - 10 * MS;
         assert!(off_ns.abs() < MS / 2, "{off_ns}");
-        assert!(floor.doubt_ns < MS as f32);
+        assert!(floor.uncertainty_ns < MS as f32);
     }
 }
 
@@ -80,7 +80,10 @@ fn floor_and_frequency_are_found() {
 fn a_crystal_that_is_far_off_is_found_too() {
     let mut marks = Marks::new(-1_800_000);
     let floor = marks.hear_for(120, |_| 0.0);
-    assert!((floor.fast_ppb + 1_800_000.0).abs() < 20_000.0, "{floor:?}");
+    assert!(
+        (floor.crystal_ppb + 1_800_000.0).abs() < 20_000.0,
+        "{floor:?}"
+    );
 }
 
 #[test]
@@ -88,9 +91,9 @@ fn what_is_too_late_is_left_alone() {
     let mut marks = Marks::new(20_000);
     marks.hear_for(200, |_| 0.0);
     for _ in 0..20 {
-        assert_eq!(marks.hear(160 * MS), Heard::Late);
+        assert_eq!(marks.handle(160 * MS), EnvelopeVerdict::Late);
     }
-    let Heard::Floor(floor) = marks.hear(51 * MS) else {
+    let EnvelopeVerdict::Estimate(floor) = marks.handle(51 * MS) else {
         panic!("a good mark");
     };
     assert!((i64::from(floor.excess_ns) - MS).abs() < MS / 2);
@@ -102,20 +105,23 @@ fn what_is_too_early_has_to_be_confirmed() {
     marks.hear_for(200, |_| 0.0);
     for _ in 0..9 {
         for _ in 0..2 {
-            assert_eq!(marks.hear(20 * MS), Heard::Early);
+            assert_eq!(marks.handle(20 * MS), EnvelopeVerdict::Early);
         }
         for _ in 0..2 {
-            assert!(matches!(marks.hear(60 * MS), Heard::Floor(_)));
+            assert!(matches!(
+                marks.handle(60 * MS),
+                EnvelopeVerdict::Estimate(_)
+            ));
         }
     }
     for _ in 0..4 {
-        assert_eq!(marks.hear(20 * MS), Heard::Early);
+        assert_eq!(marks.handle(20 * MS), EnvelopeVerdict::Early);
     }
-    let Heard::Moved(floor) = marks.hear(20 * MS) else {
+    let EnvelopeVerdict::Moved(floor) = marks.handle(20 * MS) else {
         panic!("confirmed");
     };
     assert_eq!(floor.excess_ns, 0);
-    assert!((floor.fast_ppb - 20_000.0).abs() < 3_000.0);
+    assert!((floor.crystal_ppb - 20_000.0).abs() < 3_000.0);
 }
 
 #[test]
@@ -123,10 +129,10 @@ fn a_floor_that_wanders_is_noticed_and_is_no_frequency() {
     let mut marks = Marks::new(30_000);
     let wandering = |s: f64| 4e6 * (s * core::f64::consts::TAU / 120.0).sin();
     let floor = marks.hear_for(900, wandering);
-    assert!(floor.doubt_ns > 2e6, "{floor:?}");
-    assert!((floor.fast_ppb - 30_000.0).abs() < 2_000.0, "{floor:?}");
+    assert!(floor.uncertainty_ns > 2e6, "{floor:?}");
+    assert!((floor.crystal_ppb - 30_000.0).abs() < 2_000.0, "{floor:?}");
     let floor = marks.hear_for(900, |_| 0.0);
-    assert!(floor.doubt_ns < 1e6, "{floor:?}");
+    assert!(floor.uncertainty_ns < 1e6, "{floor:?}");
 }
 
 #[test]
@@ -134,9 +140,9 @@ fn the_first_mark_after_silence_draws_nothing_after_it() {
     let mut marks = Marks::new(30_000);
     marks.hear_for(300, |_| 0.0);
     marks.number += 5 * 600;
-    let Heard::Floor(floor) = marks.hear(80 * MS) else {
+    let EnvelopeVerdict::Estimate(floor) = marks.handle(80 * MS) else {
         panic!("a good mark");
     };
-    // 10 min at 1 ppm a minute are 3 ms, and the frequency's own doubt.
+    // 10 min at 1 ppm a minute are 3 ms, and the frequency's own uncertainty.
     assert!(floor.excess_ns > 20 * MS as i32, "{floor:?}");
 }

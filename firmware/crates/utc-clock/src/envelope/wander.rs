@@ -7,14 +7,14 @@
 //! crystal that drifts. When they scatter about it by more than their edge explains,
 //! the floor wanders: for as long as that lasts, the frequency is the average of the straight
 //! line's slope, over many minutes, so that the wander's own slope averages out; and the
-//! scatter is doubt.
+//! scatter is uncertainty.
 //!
 //! *Limits.* Wander slower than some 15 minutes is a parabola to it. It has no opinion before
 //! the ring is three quarters full.
 
 use super::bins::Bins;
-use super::edge::Edge;
-use super::line::{Line, Point, seconds};
+use super::density::ArrivalDensity;
+use super::trend::{Point, Trend, seconds};
 
 const BIN_US: u32 = 7_500_000;
 const BINS: usize = 64;
@@ -49,12 +49,12 @@ pub(super) struct Wander {
 }
 
 impl Wander {
-    pub(super) const fn new(fast_ppb: f32) -> Self {
+    pub(super) const fn new(crystal_ppb: f32) -> Self {
         Self {
             bins: Bins::new(BIN_US),
             is_due: false,
             judging: None,
-            slow_ppb: fast_ppb,
+            slow_ppb: crystal_ppb,
             weight: 0.0,
             scatter_ns: 0.0,
         }
@@ -69,7 +69,7 @@ impl Wander {
     }
 
     /// Takes a point in.
-    pub(super) fn fill(&mut self, point: Point, excess_ns: i32, line: &Line) {
+    pub(super) fn fill(&mut self, point: Point, excess_ns: i32, line: &Trend) {
         if self.bins.is_over(point.at_us) {
             self.is_due |= self.bins.close(point.at_us).is_some();
         }
@@ -97,7 +97,7 @@ impl Wander {
     }
 
     /// Does a piece of the judgement, [`AT_ONCE`] points; whether that was the last one.
-    pub(super) fn judge(&mut self, at_us: u32, line: &Line, edge: &Edge) -> bool {
+    pub(super) fn judge(&mut self, at_us: u32, line: &Trend, edge: &ArrivalDensity) -> bool {
         let points = self.bins.full();
         let (frame, step) = match self.judging.take() {
             Some(judging) => judging,
@@ -146,8 +146,8 @@ impl Wander {
         let part = 2.0 * frame.half_s / FULL_S;
         let weight = part * part * part;
         self.weight = (self.weight + weight).min(SLOW_WEIGHTS);
-        let fast_ppb = frame.line.fast_ppb + fit.slope / frame.half_s;
-        self.slow_ppb += weight / self.weight * (fast_ppb - self.slow_ppb);
+        let crystal_ppb = frame.line.crystal_ppb + fit.slope / frame.half_s;
+        self.slow_ppb += weight / self.weight * (crystal_ppb - self.slow_ppb);
     }
 
     fn conclude(&mut self, excess: f32, fit: &Parabola) {
@@ -165,7 +165,7 @@ impl Wander {
 }
 
 /// The variance about a parabola that the edge alone explains, in ns².
-fn explained(edge: &Edge) -> f32 {
+fn explained(edge: &ArrivalDensity) -> f32 {
     let edge_ns = edge.gap_in(BIN_US as f32 * 1e-6) * EXPONENTIAL;
     edge_ns * edge_ns + BEND_NS * BEND_NS
 }
@@ -181,13 +181,13 @@ enum Step {
 /// From where a judgement looks at the points.
 #[derive(Clone, Copy, Debug)]
 struct Frame {
-    line: Line,
+    line: Trend,
     /// Half of the time from the oldest point to now, in s.
     half_s: f32,
 }
 
 impl Frame {
-    fn new(at_us: u32, line: &Line, oldest: Point) -> Self {
+    fn new(at_us: u32, line: &Trend, oldest: Point) -> Self {
         Self {
             line: line.moved_to(at_us),
             half_s: (seconds(at_us, oldest.at_us) / 2.0).max(1.0),

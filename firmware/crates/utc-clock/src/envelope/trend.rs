@@ -18,17 +18,17 @@ pub(super) struct Point {
 
 /// The straight line that the floor follows.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Line {
+pub(super) struct Trend {
     pub(super) at_us: u32,
     pub(super) level_ns: u32,
     /// Its rise in ns a second: the crystal's error.
-    pub(super) fast_ppb: f32,
+    pub(super) crystal_ppb: f32,
 }
 
-impl Line {
+impl Trend {
     /// How far above the line a point is, in ns.
     pub(super) fn excess_ns(&self, point: Point) -> i32 {
-        let rise_ns = self.fast_ppb * seconds(point.at_us, self.at_us);
+        let rise_ns = self.crystal_ppb * seconds(point.at_us, self.at_us);
         point
             .lateness_ns
             .wrapping_sub(self.level_ns)
@@ -38,7 +38,7 @@ impl Line {
 
     /// The same line, told from another moment.
     pub(super) fn moved_to(&self, at_us: u32) -> Self {
-        let rise_ns = self.fast_ppb * seconds(at_us, self.at_us);
+        let rise_ns = self.crystal_ppb * seconds(at_us, self.at_us);
         self.raised(rise_ns as i32).at(at_us)
     }
 
@@ -47,7 +47,7 @@ impl Line {
         Self {
             at_us: point.at_us,
             level_ns: point.lateness_ns,
-            fast_ppb: self.fast_ppb,
+            crystal_ppb: self.crystal_ppb,
         }
     }
 
@@ -75,10 +75,10 @@ mod tests {
 
     #[test]
     fn a_moved_line_is_the_same_line_across_the_wraps() {
-        let line = Line {
+        let line = Trend {
             at_us: u32::MAX - 5_000_000,
             level_ns: u32::MAX - 100,
-            fast_ppb: 40_000.0,
+            crystal_ppb: 40_000.0,
         };
         let point = Point {
             at_us: 5_000_000,

@@ -1,9 +1,9 @@
 //! How an image keeps the clock, in the words of the command line.
 //!
-//! *Purpose.* One place where ways and ticks are named, so that whoever builds an image and
+//! *Purpose.* One place where variants and ticks are named, so that whoever builds an image and
 //! whoever runs it mean the same.
 //!
-//! *Design.* `pixclock`, `paper-default`, `paper-step1` and `paper-step2:50`: a way that allows
+//! *Design.* `pixclock`, `paper-default`, `paper-step1` and `paper-step2:50`: a variant that allows
 //! more than one tick has it in its value, so that no wrong combination can be said.
 //!
 //! *Limits.* The firmware's `build.rs` has its own list, and refuses what it has not.
@@ -13,9 +13,9 @@ use std::str::FromStr;
 
 use crate::TICKS_US;
 
-/// Our way to keep the clock, or one of those that Shim, Joo and Kim (2021) measured.
+/// Our variant, or one of those that Shim, Joo and Kim (2021) measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum Variant {
     /// Ours.
     Pixclock {
         /// From tick to tick, in µs: one of [`TICKS_US`].
@@ -32,7 +32,7 @@ pub enum Way {
     },
 }
 
-impl Way {
+impl Variant {
     /// What is flashed.
     pub const STANDARD: Self = Self::Pixclock { tick_us: 50 };
 
@@ -45,7 +45,7 @@ impl Way {
         Self::PaperStep2 { tick_us: 50 },
     ];
 
-    /// Its name, as in `PIXCLOCK_WAY`.
+    /// Its name, as in `PIXCLOCK_VARIANT`.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -74,7 +74,7 @@ impl Way {
     }
 }
 
-impl fmt::Display for Way {
+impl fmt::Display for Variant {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::STANDARD | Self::PaperDefault | Self::PaperStep1 => f.write_str(self.name()),
@@ -85,26 +85,31 @@ impl fmt::Display for Way {
     }
 }
 
-/// A text that names no way.
+/// A text that names no variant.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct NoWay(String);
+pub struct UnknownVariant(String);
 
-impl fmt::Display for NoWay {
+impl fmt::Display for UnknownVariant {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let allowed: Vec<_> = Way::all().map(|way| way.to_string()).collect();
-        write!(f, "`{}` is no way; allowed: {}", self.0, allowed.join(", "))
+        let allowed: Vec<_> = Variant::all().map(|variant| variant.to_string()).collect();
+        write!(
+            f,
+            "`{}` is no variant; allowed: {}",
+            self.0,
+            allowed.join(", ")
+        )
     }
 }
 
-impl std::error::Error for NoWay {}
+impl std::error::Error for UnknownVariant {}
 
-impl FromStr for Way {
-    type Err = NoWay;
+impl FromStr for Variant {
+    type Err = UnknownVariant;
 
-    fn from_str(text: &str) -> Result<Self, NoWay> {
+    fn from_str(text: &str) -> Result<Self, UnknownVariant> {
         Self::all()
-            .find(|way| way.to_string() == text)
-            .ok_or_else(|| NoWay(text.to_owned()))
+            .find(|variant| variant.to_string() == text)
+            .ok_or_else(|| UnknownVariant(text.to_owned()))
     }
 }
 
@@ -113,18 +118,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_way_is_read_as_it_is_shown() {
-        for way in Way::all() {
-            assert_eq!(way.to_string().parse(), Ok(way));
+    fn every_variant_is_read_as_it_is_shown() {
+        for variant in Variant::all() {
+            assert_eq!(variant.to_string().parse(), Ok(variant));
         }
-        assert_eq!("pixclock".parse(), Ok(Way::STANDARD));
-        assert_eq!("paper-step1".parse(), Ok(Way::PaperStep1));
-        let shortest = Way::PaperStep2 { tick_us: 50 };
+        assert_eq!("pixclock".parse(), Ok(Variant::STANDARD));
+        assert_eq!("paper-step1".parse(), Ok(Variant::PaperStep1));
+        let shortest = Variant::PaperStep2 { tick_us: 50 };
         assert_eq!("paper-step2:50".parse(), Ok(shortest));
     }
 
     #[test]
-    fn what_is_no_way_is_refused_with_the_list() {
+    fn what_is_no_variant_is_refused_with_the_list() {
         for wrong in [
             "",
             "paper",
@@ -132,7 +137,7 @@ mod tests {
             "paper-step2:1000",
             "paper-default:50",
         ] {
-            let refusal = wrong.parse::<Way>().unwrap_err().to_string();
+            let refusal = wrong.parse::<Variant>().unwrap_err().to_string();
             assert!(
                 refusal.contains("paper-step2:500, paper-step2:200"),
                 "{refusal}"

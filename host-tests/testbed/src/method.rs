@@ -1,9 +1,9 @@
-//! The ways of keeping time that are set beside each other.
+//! The methods of keeping time that are set beside each other.
 //!
-//! *Purpose.* What each way is called, which images its boards need, and what the paper
+//! *Purpose.* What each method is called, which images its boards need, and what the paper
 //! measured for it.
 //!
-//! *Design.* A way is a build setting of the firmware, a tick and a baud rate of the
+//! *Design.* A method is a build setting of the firmware, a tick and a baud rate of the
 //! receiver's line for each board, and whether the receiver's pulse is wired.
 //!
 //! *Limits.* The paper gives one figure for its default, which stands here for equal and
@@ -12,16 +12,16 @@
 use std::fmt;
 use std::str::FromStr;
 
-use console::Way as Built;
+use console::Variant;
 
-/// The baud rate that everybody but one board of the mixed way uses.
+/// The baud rate that everybody but one board of the mixed method uses.
 const BAUD: u32 = 115_200;
-/// The other rate of the mixed way.
+/// The other rate of the mixed method.
 const SLOW_BAUD: u32 = 38_400;
 
-/// A way of keeping time.
+/// A method of keeping time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Way {
+pub enum Method {
     /// PX4 1.9 as it was, both receivers at 115200.
     PaperDefault,
     /// The same, the first receiver at 115200, every other at 38400.
@@ -40,21 +40,21 @@ pub enum Way {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Image {
     /// How it keeps the clock, and its tick.
-    pub way: Built,
+    pub variant: Variant,
     /// The rate of the receiver's line, in Bd.
     pub gps_baud: u32,
 }
 
 impl Image {
-    /// What the firmware calls its ways, by the number that it tells as the parameter
-    /// `PC_WAY`.
+    /// What the firmware calls its variants, by the number that it tells as the parameter
+    /// `PC_VARIANT`.
     pub const NAMES: [&'static str; 4] =
         ["pixclock", "paper-default", "paper-step1", "paper-step2"];
 }
 
 impl fmt::Display for Image {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (name, tick_us) = (self.way.name(), self.way.tick_us());
+        let (name, tick_us) = (self.variant.name(), self.variant.tick_us());
         write!(
             f,
             "{name} with a tick of {tick_us} µs, the receiver at {} Bd",
@@ -63,7 +63,7 @@ impl fmt::Display for Image {
     }
 }
 
-impl Way {
+impl Method {
     /// All of them, the paper's first.
     pub const ALL: [Self; 8] = [
         Self::PaperDefaultMixed,
@@ -105,7 +105,7 @@ impl Way {
         }
     }
 
-    /// The paper's figure that shows this way, if it has one.
+    /// The paper's figure that shows this method, if it has one.
     #[must_use]
     pub const fn paper_figure(self) -> Option<u32> {
         match self {
@@ -131,17 +131,17 @@ impl Way {
     /// What board `index`, counted from 0, is built with.
     #[must_use]
     pub const fn image(self, index: usize) -> Image {
-        let way = match self {
-            Self::PaperDefault | Self::PaperDefaultMixed => Built::PaperDefault,
-            Self::PaperStep1 => Built::PaperStep1,
-            Self::PaperStep2(tick_us) => Built::PaperStep2 { tick_us },
-            Self::Pixclock | Self::PixclockPps => Built::STANDARD,
+        let variant = match self {
+            Self::PaperDefault | Self::PaperDefaultMixed => Variant::PaperDefault,
+            Self::PaperStep1 => Variant::PaperStep1,
+            Self::PaperStep2(tick_us) => Variant::PaperStep2 { tick_us },
+            Self::Pixclock | Self::PixclockPps => Variant::STANDARD,
         };
         let gps_baud = match self {
             Self::PaperDefaultMixed if index > 0 => SLOW_BAUD,
             _ => BAUD,
         };
-        Image { way, gps_baud }
+        Image { variant, gps_baud }
     }
 
     /// Its name as a folder's: without the colon, which not every file system takes.
@@ -151,7 +151,7 @@ impl Way {
     }
 }
 
-impl fmt::Display for Way {
+impl fmt::Display for Method {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::PaperDefault => f.write_str("paper-default"),
@@ -164,14 +164,16 @@ impl fmt::Display for Way {
     }
 }
 
-impl FromStr for Way {
+impl FromStr for Method {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let found = Self::ALL.into_iter().find(|way| way.to_string() == text);
+        let found = Self::ALL
+            .into_iter()
+            .find(|method| method.to_string() == text);
         found.ok_or_else(|| {
-            let names = Self::ALL.map(|way| way.to_string()).join(", ");
-            format!("'{text}' is no way; allowed: {names}, all")
+            let names = Self::ALL.map(|method| method.to_string()).join(", ");
+            format!("'{text}' is no method; allowed: {names}, all")
         })
     }
 }
@@ -181,24 +183,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_way_is_found_by_its_name_and_has_a_folder_of_its_own() {
-        for way in Way::ALL {
-            assert_eq!(way.to_string().parse(), Ok(way));
+    fn each_method_is_found_by_its_name_and_has_a_folder_of_its_own() {
+        for method in Method::ALL {
+            assert_eq!(method.to_string().parse(), Ok(method));
         }
-        let mut folders = Way::ALL.map(Way::folder).to_vec();
+        let mut folders = Method::ALL.map(Method::folder).to_vec();
         folders.dedup();
-        assert_eq!(folders.len(), Way::ALL.len());
-        let told = "paper-step2:100".parse::<Way>().unwrap_err();
+        assert_eq!(folders.len(), Method::ALL.len());
+        let told = "paper-step2:100".parse::<Method>().unwrap_err();
         assert!(told.contains("paper-step2:500, paper-step2:200"), "{told}");
     }
 
     #[test]
-    fn only_the_mixed_way_has_unequal_rates_and_only_the_last_one_a_pulse() {
-        for way in Way::ALL {
-            let is_mixed = way.image(0) != way.image(1);
-            assert_eq!(is_mixed, way == Way::PaperDefaultMixed);
-            assert_eq!(way.has_pulse(), way == Way::PixclockPps);
-            assert_eq!(way.is_papers(), way.paper_ms().is_some());
+    fn only_the_mixed_method_has_unequal_rates_and_only_the_last_one_a_pulse() {
+        for method in Method::ALL {
+            let is_mixed = method.image(0) != method.image(1);
+            assert_eq!(is_mixed, method == Method::PaperDefaultMixed);
+            assert_eq!(method.has_pulse(), method == Method::PixclockPps);
+            assert_eq!(method.is_papers(), method.paper_ms().is_some());
         }
     }
 }

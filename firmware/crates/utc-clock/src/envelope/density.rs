@@ -1,7 +1,7 @@
 //! The edge: how densely marks lie just above the floor.
 //!
 //! *Purpose.* How far above the floor the lowest of a window is likely to be: the estimate's
-//! doubt, and how long the window has to be.
+//! uncertainty, and how long the window has to be.
 //!
 //! *Design.* Marks at a density of λ a second and a ns leave a gap of 1/λW, on average, between the
 //! floor and the lowest of a window of W seconds; and just such gaps between the lowest few of
@@ -42,7 +42,7 @@ const SCALES_SOFT: f32 = 38.0;
 
 /// How densely marks lie above the floor.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Edge {
+pub(super) struct ArrivalDensity {
     scale_ns: f32,
     sharpness: f32,
     gap_ns: f32,
@@ -51,7 +51,7 @@ pub(super) struct Edge {
     second_ns: Option<i32>,
 }
 
-impl Edge {
+impl ArrivalDensity {
     pub(super) const fn new() -> Self {
         Self {
             scale_ns: UNKNOWN_NS,
@@ -108,7 +108,7 @@ impl Edge {
     }
 
     /// How far the lowest of the window may be above the floor, in ns.
-    pub(super) fn doubt_ns(&self) -> f32 {
+    pub(super) fn uncertainty_ns(&self) -> f32 {
         let softness = (SHARP - self.sharpness).clamp(0.0, 0.5);
         (SCALES + SCALES_SOFT * softness) * self.scale_ns
     }
@@ -180,7 +180,7 @@ mod tests {
 
     #[test]
     fn the_guess_is_soon_forgotten() {
-        let mut edge = Edge::new();
+        let mut edge = ArrivalDensity::new();
         for _ in 0..2_000 {
             edge.note(1_000);
             edge.note(400);

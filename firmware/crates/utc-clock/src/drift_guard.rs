@@ -15,7 +15,7 @@
 //! *Limits.* It needs six minutes of marks; before that it has no opinion. Within its reach
 //! a receiver may drift as it likes.
 
-use crate::envelope::Floor;
+use crate::envelope::EnvelopeEstimate;
 
 /// How fast the line is drawn after the floor, at most, in ppb: more than the many minutes lag
 /// behind a crystal that drifts by 1 ppm a minute.
@@ -30,7 +30,7 @@ const KEPT_EVERY_S: f32 = 600.0;
 /// The shortest slope that is of use, in s.
 const LEAST_SLOPE_S: f32 = 200.0;
 /// The slope is as good as the last frequency if they are not farther apart, in ppb, beyond the
-/// doubt.
+/// uncertainty.
 const STEADY_PPB: f32 = 500.0;
 
 /// A floor: ns since boot by the board's counter, and UTC then, in ns.
@@ -52,14 +52,14 @@ impl Kept {
 
 /// The slow memory of the floor.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Anchor {
+pub(crate) struct DriftGuard {
     line: Option<Kept>,
     latest: Option<Kept>,
     older: Option<Kept>,
     newer: Option<Kept>,
 }
 
-impl Anchor {
+impl DriftGuard {
     pub(crate) const fn new() -> Self {
         Self {
             line: None,
@@ -71,7 +71,7 @@ impl Anchor {
 
     /// Whether the floor, which is at `utc_ns` when the board's counter is at `local_ns`, is a
     /// crystal's.
-    pub(crate) fn reaches(&mut self, local_ns: u64, utc_ns: i64, floor: &Floor) -> bool {
+    pub(crate) fn reaches(&mut self, local_ns: u64, utc_ns: i64, floor: &EnvelopeEstimate) -> bool {
         let now = Kept { local_ns, utc_ns };
         let (Some(line), Some(slow_ppb)) = (self.line, floor.slow_ppb) else {
             self.line = Some(now);
@@ -97,12 +97,12 @@ impl Anchor {
         is_near
     }
 
-    fn keep(&mut self, now: Kept, floor: &Floor) {
+    fn keep(&mut self, now: Kept, floor: &EnvelopeEstimate) {
         self.latest = Some(now);
         let newest = self.newer.or(self.older);
         let is_due = match newest {
             Some(newest) => newest.elapsed_s(&now) > KEPT_EVERY_S,
-            None => floor.frequency_doubt_ppb < SETTLED_PPB,
+            None => floor.frequency_uncertainty_ppb < SETTLED_PPB,
         };
         if is_due {
             self.older = newest.or(Some(now));
@@ -110,15 +110,15 @@ impl Anchor {
         }
     }
 
-    /// The frequency of the whole lock, in ppb, if the crystal was as steady as `fast_ppb` can
+    /// The frequency of the whole lock, in ppb, if the crystal was as steady as `crystal_ppb` can
     /// tell.
-    pub(crate) fn steady_ppb(&self, fast_ppb: f32, doubt_ppb: f32) -> Option<f32> {
+    pub(crate) fn steady_ppb(&self, crystal_ppb: f32, uncertainty_ppb: f32) -> Option<f32> {
         let (older, latest) = (self.older?, self.latest?);
         let passed_s = older.elapsed_s(&latest);
         let passed_ns = older.elapsed_ns(&latest);
         let told_ns = latest.utc_ns.saturating_sub(older.utc_ns);
         let slope_ppb = passed_ns.saturating_sub(told_ns) as f32 / passed_s;
-        let is_steady = (fast_ppb - slope_ppb).abs() <= doubt_ppb + STEADY_PPB;
+        let is_steady = (crystal_ppb - slope_ppb).abs() <= uncertainty_ppb + STEADY_PPB;
         (passed_s >= LEAST_SLOPE_S && is_steady).then_some(slope_ppb)
     }
 }
@@ -129,20 +129,20 @@ mod tests {
 
     const SECOND: u64 = 1_000_000_000;
 
-    fn floor(fast_ppb: f32) -> Floor {
-        Floor {
+    fn floor(crystal_ppb: f32) -> EnvelopeEstimate {
+        EnvelopeEstimate {
             excess_ns: 0,
-            fast_ppb,
-            doubt_ns: 50_000.0,
-            frequency_doubt_ppb: 500.0,
-            slow_ppb: Some(fast_ppb),
+            crystal_ppb,
+            uncertainty_ns: 50_000.0,
+            frequency_uncertainty_ppb: 500.0,
+            slow_ppb: Some(crystal_ppb),
         }
     }
 
     /// Floors a second apart, of a receiver that drifts by so much on a crystal that is 20 ppm
     /// fast; how many were refused.
     fn refused(
-        anchor: &mut Anchor,
+        anchor: &mut DriftGuard,
         from_s: u64,
         to_s: u64,
         drift_ppb: i64,
@@ -160,11 +160,11 @@ mod tests {
     #[test]
     fn what_a_crystal_does_is_followed_and_what_none_does_is_not() {
         for drift_ppb in [10_000, -10_000, 30_000] {
-            let (mut anchor, mut off_ns) = (Anchor::new(), 0);
+            let (mut anchor, mut off_ns) = (DriftGuard::new(), 0);
             assert_eq!(refused(&mut anchor, 0, 3_000, drift_ppb, &mut off_ns), 0);
         }
         for drift_ppb in [100_000, -100_000] {
-            let (mut anchor, mut off_ns) = (Anchor::new(), 0);
+            let (mut anchor, mut off_ns) = (DriftGuard::new(), 0);
             refused(&mut anchor, 0, 600, 0, &mut off_ns);
             // 20 ms at 100 less 40 ppm are 333 s.
             let drifting = refused(&mut anchor, 600, 1_600, drift_ppb, &mut off_ns);
@@ -177,7 +177,7 @@ mod tests {
 
     #[test]
     fn the_whole_locks_frequency_is_that_of_a_steady_crystal() {
-        let (mut anchor, mut off_ns) = (Anchor::new(), 0);
+        let (mut anchor, mut off_ns) = (DriftGuard::new(), 0);
         refused(&mut anchor, 0, 150, 0, &mut off_ns);
         assert_eq!(anchor.steady_ppb(20_000.0, 0.0), None, "too short");
         refused(&mut anchor, 150, 5_000, 0, &mut off_ns);

@@ -5,6 +5,16 @@
 //!
 //! *Limits.* Normal dependencies only: tests may use what they like.
 
+mod circles;
+mod graph;
+mod imports;
+mod mentions;
+mod modules;
+mod names;
+mod source;
+#[cfg(test)]
+mod tests;
+
 use anyhow::{Context, Result, bail};
 
 use crate::image;
@@ -59,5 +69,44 @@ pub fn check() -> Result<()> {
         "{} packages, {checked} dependencies: the rule holds",
         packages.len()
     );
+    Ok(())
+}
+
+/// Checks every crate of the workspace for circles of files.
+///
+/// # Errors
+///
+/// Shows one of the shortest rounds of each circle.
+pub fn check_circles() -> Result<()> {
+    let metadata = image::metadata()?;
+    let base = image::root().canonicalize()?;
+    let packages = metadata["packages"]
+        .as_array()
+        .context("cargo's metadata have no packages")?;
+    let mut found = Vec::new();
+    let mut crates = 0;
+    for package in packages {
+        for target in package["targets"].as_array().into_iter().flatten() {
+            let kind = target["kind"][0].as_str().unwrap_or_default();
+            if !["lib", "bin", "custom-build"].contains(&kind) {
+                continue;
+            }
+            crates += 1;
+            let root = target["src_path"].as_str().unwrap_or_default();
+            for circle in circles::of_crate(root.as_ref(), &base)? {
+                found.push(format!(
+                    "{}: {circle}",
+                    package["name"].as_str().unwrap_or_default()
+                ));
+            }
+        }
+    }
+    if !found.is_empty() {
+        bail!(
+            "{}\nMove what one file needs of the other into a file of its own, below both",
+            found.join("\n")
+        );
+    }
+    println!("{crates} crates: no circle of files");
     Ok(())
 }

@@ -62,7 +62,11 @@ enum Verb {
         json: bool,
     },
     /// Check who depends on whom
-    Deps,
+    Deps {
+        /// Look for circles of files instead
+        #[arg(long)]
+        circles: bool,
+    },
     /// Run the tests of the flashed image on the virtual board
     BoardTest {
         /// Handed to `cargo test`
@@ -96,7 +100,8 @@ fn run() -> Result<ExitCode> {
         Verb::Testbed(options) => testbed::run(&options, &own_arguments()),
         Verb::Bench(options) => bench::run(&options),
         Verb::Size { json } => done(size::check(json)),
-        Verb::Deps => done(deps::check()),
+        Verb::Deps { circles: false } => done(deps::check()),
+        Verb::Deps { circles: true } => done(deps::check_circles()),
         Verb::BoardTest { arguments } => done(board_test::run(&arguments)),
         Verb::Pymavlink => done(pymavlink::run()),
         Verb::Ci => done(ci::run_all()),

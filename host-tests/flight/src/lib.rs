@@ -22,9 +22,11 @@ mod header;
 pub mod judge;
 pub mod player;
 mod reading;
+mod replayed;
 
 pub use crystal::{Crystal, Knot};
 pub use file::{Error, Flight, Problem};
 pub use header::{Header, LeapStep, PulseShape, Window};
 pub use reading::{READ_EVERY, Reading, UNSET};
+pub use replayed::{Point, Replayed, replay};
 pub use world::{Event, EventKind, PulseName, WorldPicos};

@@ -5,15 +5,14 @@
 //!
 //! *Design.* [`comparison::trace`] measures; here it is told.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
 use comparison::trace::{Replayed, Trace};
 use serde_json::json;
 
-use super::{Options, plot};
-use crate::image;
+use super::{Options, default_svg, plot};
 
 /// Replays the trace `content`.
 ///
@@ -45,14 +44,6 @@ pub fn run(options: &Options, content: &[u8]) -> Result<ExitCode> {
             ExitCode::FAILURE
         }
     })
-}
-
-/// Under `target`: the recording's own folder may be somebody else's.
-fn default_svg(file: &Path) -> Result<PathBuf> {
-    let folder = image::target_dir()?.join("replay");
-    std::fs::create_dir_all(&folder)?;
-    let name = file.with_extension("svg");
-    Ok(folder.join(name.file_name().unwrap_or_default()))
 }
 
 fn tell(trace: &Trace, replayed: &Replayed) {

@@ -35,7 +35,7 @@ fn log() {
     defmt::info!(
         "status variant={} state={} source={} utc={} unc_ns={=u32} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}{}",
         How,
-        State(reading.state),
+        reading.state,
         From(gnss.map(|report| report.source).unwrap_or_default()),
         Utc(reading),
         reading.uncertainty_ns,
@@ -153,18 +153,6 @@ impl Format for Utc {
                 t.nano.unsigned_abs() / 1_000
             ),
             _ => defmt::write!(f, "-"),
-        }
-    }
-}
-
-struct State(ClockState);
-
-impl Format for State {
-    fn format(&self, f: Formatter) {
-        match self.0 {
-            ClockState::Unset => defmt::write!(f, "unset"),
-            ClockState::Set => defmt::write!(f, "set"),
-            ClockState::Holdover => defmt::write!(f, "holdover"),
         }
     }
 }

@@ -10,6 +10,7 @@
 //! counter of the same clock (TIM5) as witness. [`cycles`] has the unit and its
 //! conversions. [`capture`] extends a 16-bit input capture to it. [`mark`] has what
 //! the receiver's line and its pulse tell the clock; [`sleep`] waits in whole ticks.
+//! [`ClockState`] is whether a clock may be believed.
 //!
 //! *Limits.* Pure values and arithmetic: registers are reached through the
 //! trait [`tick::CounterPair`], which the firmware's time driver implements.
@@ -20,7 +21,9 @@ pub mod capture;
 pub mod cycles;
 pub mod mark;
 pub mod sleep;
+mod state;
 pub mod tick;
 
 pub use cycles::{CORE_HZ, Cycles, Stamp, StampedByte};
 pub use mark::{CivilTime, PulseForecast, PulseMark, TimeMark, Validity};
+pub use state::ClockState;

@@ -18,7 +18,7 @@
 //! is still exact but takes two multiplications more; farther than 1.8 h nothing
 //! is known about its uncertainty.
 
-use timebase::{CORE_HZ, Cycles};
+use timebase::{CORE_HZ, ClockState, Cycles};
 
 use crate::{Ppb, UtcNanos};
 
@@ -29,18 +29,6 @@ const FRACTION: u64 = (1 << SHIFT) - 1;
 /// The largest rate correction, in either direction: a crystal beyond ±2 000 ppm
 /// is broken, and 500 ppm are for the slew.
 pub const MAX_RATE: Ppb = Ppb::from_ppm(2_500);
-
-/// Where the clock stands.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ClockState {
-    /// Never set: readings are the time since boot.
-    #[default]
-    Unset = 0,
-    /// Set, and marks keep coming.
-    Set = 1,
-    /// Set, but marks stay away: it runs on by itself.
-    Holdover = 2,
-}
 
 /// What the clock says of one instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -146,7 +134,7 @@ impl ClockModel {
             self.fraction,
             self.mult,
             quality.uncertainty_ns,
-            quality.growth << 3 | (quality.leap_seconds_known as u32) << 2 | quality.state as u32,
+            quality.growth << 3 | (quality.leap_seconds_known as u32) << 2 | quality.state.bits(),
         ]
     }
 
@@ -168,10 +156,9 @@ impl ClockModel {
             fraction,
             mult,
             quality: Quality {
-                state: match rest & 3 {
-                    0 => ClockState::Unset,
-                    1 => ClockState::Set,
-                    _ => ClockState::Holdover,
+                state: match ClockState::from_bits(rest & 3) {
+                    Some(state) => state,
+                    None => ClockState::Holdover,
                 },
                 leap_seconds_known: rest & 4 != 0,
                 uncertainty_ns,

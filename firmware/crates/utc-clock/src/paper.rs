@@ -23,9 +23,9 @@ use timebase::{Cycles, TimeMark};
 
 use crate::clock::{Outcome, Source};
 use crate::counters::bump;
-use crate::model::{ClockState, Quality, mult};
+use crate::model::{Quality, mult};
 use crate::published::Word;
-use crate::{ClockModel, Counters, Ppb, Published, Refusal, UtcNanos, calendar};
+use crate::{ClockModel, ClockState, Counters, Ppb, Published, Refusal, UtcNanos, calendar};
 
 /// PX4's `GPS_EPOCH_SECS`, 2009-02-13T23:31:30Z: it sets no clock to this or before.
 const EARLIEST: UtcNanos = UtcNanos(1_234_567_890_000_000_000);

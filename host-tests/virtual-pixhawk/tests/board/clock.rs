@@ -12,7 +12,7 @@ use crate::common::{
     BYTE_NS, MS, SECOND, START_UTC_NS, image, ping_answers, pings, receiver_settings,
 };
 use mavlink_node::Version;
-use utc_clock::model::ClockState;
+use utc_clock::ClockState;
 use virtual_pixhawk::{Builder, Connector, Firmware, Pixhawk, Script};
 use world::{Port, Receiver, Recording, Sent, Talker, WorldNanos};
 

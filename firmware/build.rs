@@ -104,7 +104,7 @@ fn main() {
     let system_id: u8 = number("PIXCLOCK_SYSTEM_ID", 1, 1..=254, "");
     constant(
         &mut settings,
-        "Our MAVLink system id (`PIXCLOCK_SYSTEM_ID`).",
+        "The MAVLink system id that the image begins with (`PIXCLOCK_SYSTEM_ID`).",
         &format!("SYSTEM_ID: u8 = {system_id}"),
     );
     let latency_us: u32 = number(

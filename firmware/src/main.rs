@@ -34,6 +34,8 @@ mod start;
 #[cfg(target_os = "none")]
 mod storage;
 #[cfg(target_os = "none")]
+mod system_id;
+#[cfg(target_os = "none")]
 mod tasks;
 
 #[cfg(not(target_os = "none"))]

@@ -15,6 +15,7 @@ use crate::drivers::{pulse, time};
 use crate::samples::SAMPLES;
 use crate::settings;
 use crate::storage;
+use crate::system_id::system_id;
 use crate::tasks::{gnss, led, mavlink, paper, status};
 
 /// Runs what must be prompt, at [`priorities::EXECUTOR_HIGH`](crate::priorities::EXECUTOR_HIGH).
@@ -58,7 +59,7 @@ fn tell_what_runs() {
         board::NAME,
         settings::VARIANT_NAME,
         settings::TICK_US,
-        settings::SYSTEM_ID
+        system_id()
     );
     if settings::VARIANT.is_papers() {
         defmt::info!(

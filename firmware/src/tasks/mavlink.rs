@@ -25,6 +25,7 @@ use crate::samples::SAMPLES;
 use crate::settings;
 use crate::shared::{self, CLOCK_EVENTS, ClockEvent, GNSS, MAVLINK, MavlinkReport};
 use crate::storage::NotSaved;
+use crate::system_id::system_id;
 
 /// A solution is told for so long, in cycles: 2 s. Then the receiver is silent.
 const FIX_LASTS: i64 = 2 * CORE_HZ as i64;
@@ -42,7 +43,7 @@ const PACE: Duration = Duration::from_millis(5);
 #[embassy_executor::task]
 pub async fn run(mut reader: Reader, mut writer: Writer) {
     let mut node = Node::new(Config {
-        system_id: settings::SYSTEM_ID,
+        system_id: system_id(),
         component_id: 1,
         ping_reply: if settings::PING_ECHO {
             PingReply::Echo

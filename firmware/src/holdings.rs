@@ -2,8 +2,8 @@
 //!
 //! *Design.* Settings as they were built in; the rest is looked up when it is asked for.
 
-use mavlink_node::{Holdings, Parameter};
-use sample_log::{State, csv};
+use mavlink_node::{LogFile, Parameter, Parameters};
+use sample_log::csv;
 use utc_clock::Source;
 
 use crate::samples::SAMPLES;
@@ -13,7 +13,7 @@ use crate::shared::GNSS;
 /// This board's.
 pub struct Board;
 
-impl Holdings for Board {
+impl Parameters for Board {
     fn parameter(&self, parameter: Parameter) -> f32 {
         let value = match parameter {
             Parameter::Variant => settings::VARIANT as u32,
@@ -30,14 +30,15 @@ impl Holdings for Board {
         // Exact below 2^24.
         value as f32
     }
+}
 
+impl LogFile for Board {
     fn log_len(&self) -> u32 {
         csv::file_len(SAMPLES.len())
     }
 
     fn log_began_ns(&self) -> Option<i64> {
-        let first = SAMPLES.with(|log| log.get(0))?;
-        (first.state != State::Unset).then_some(first.board_ns)
+        SAMPLES.with(|log| log.began_ns())
     }
 
     fn read_log(&self, offset: u32, out: &mut [u8]) -> usize {

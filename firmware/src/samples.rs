@@ -9,7 +9,7 @@ use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use sample_log::{Sample, SampleLog, csv};
+use sample_log::{Sample, SampleLog, Test, csv};
 
 use crate::board;
 
@@ -60,11 +60,13 @@ impl Samples {
         csv::read(offset, out, self.len(), |index| self.get(index))
     }
 
-    /// The test ends: freezes the log, and has it written to the card.
-    pub fn end_test(&self) {
-        self.with(SampleLog::freeze);
-        SAVE_WANTED.store(true, Relaxed);
-        board::wake_thread();
+    /// A test begins or ends; at its end the log is written to the card.
+    pub fn handle_test(&self, test: Test) {
+        self.with(|log| log.handle_test(test));
+        if test == Test::Ends {
+            SAVE_WANTED.store(true, Relaxed);
+            board::wake_thread();
+        }
     }
 
     fn get(&self, index: u32) -> Option<Sample> {

@@ -13,9 +13,10 @@ use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use mavlink_node::{
-    Command, Config, Fix, GpsFix, Holdings, Node, NodeTime, Parameter, Request, RequestKind, Test,
+    Command, Config, Fix, GpsFix, LogFile, Node, NodeTime, Parameter, Parameters, Request,
+    RequestKind, Test,
 };
-use sample_log::{Record, Sample, SampleLog, State, csv};
+use sample_log::{Record, Sample, SampleLog, State};
 use timebase::{Cycles, StampedByte};
 
 /// How the node's clock stands.
@@ -210,20 +211,15 @@ impl Held<'_> {
                 });
             }
             RequestKind::Command(Command {
-                meaning: Ok(Test::Ends),
-                ..
-            }) => self.log.freeze(),
-            RequestKind::Command(Command {
-                meaning: Ok(Test::Begins),
-                ..
-            })
-            | RequestKind::EraseLog => self.log.clear(),
+                meaning: Ok(test), ..
+            }) => self.log.handle_test(test),
+            RequestKind::EraseLog => self.log.clear(),
             RequestKind::Command(_) | RequestKind::TimeSync { .. } => {}
         }
     }
 }
 
-impl Holdings for Held<'_> {
+impl Parameters for Held<'_> {
     fn parameter(&self, parameter: Parameter) -> f32 {
         match parameter {
             Parameter::LogLen => self.log.len() as f32,
@@ -231,18 +227,19 @@ impl Holdings for Held<'_> {
             built_in => self.parameters[usize::from(built_in.index())],
         }
     }
+}
 
+impl LogFile for Held<'_> {
     fn log_len(&self) -> u32 {
-        csv::file_len(self.log.len())
+        self.log.file_len()
     }
 
     fn log_began_ns(&self) -> Option<i64> {
-        let first = self.log.get(0)?;
-        (first.state != State::Unset).then_some(first.board_ns)
+        self.log.began_ns()
     }
 
     fn read_log(&self, offset: u32, out: &mut [u8]) -> usize {
-        csv::read(offset, out, self.log.len(), |index| self.log.get(index))
+        self.log.read_file(offset, out)
     }
 }
 

@@ -15,8 +15,8 @@ use mavlink_frames::Frame;
 use mavlink_line::{GROUND, ask, feed, heard};
 use mavlink_node::client::{Client, Message};
 use mavlink_node::{
-    Address, Command, Config, Holdings, Node, NodeTime, Parameter, Refusal, RequestKind, Test,
-    Version,
+    Address, Command, Config, LogFile, Node, NodeTime, Parameter, Parameters, Refusal, RequestKind,
+    Test, Version,
 };
 use proptest::prelude::*;
 
@@ -40,11 +40,13 @@ impl Vault {
     }
 }
 
-impl Holdings for Vault {
+impl Parameters for Vault {
     fn parameter(&self, parameter: Parameter) -> f32 {
         f32::from(parameter.index()) + 0.5
     }
+}
 
+impl LogFile for Vault {
     fn log_len(&self) -> u32 {
         self.0.len() as u32
     }

@@ -26,7 +26,7 @@ const ALLOWED: [(&str, &[&str]); 6] = [
     ("timebase", &[]),
     ("utc-clock", &["timebase", "libm"]),
     ("ubx-link", &["timebase", "ublox"]),
-    ("mavlink-node", &["timebase", "mavlink"]),
+    ("mavlink-node", &["timebase", "sample-log", "mavlink"]),
     ("sample-log", &[]),
     ("card-file", &["timebase", "embedded-sdmmc", "heapless"]),
 ];

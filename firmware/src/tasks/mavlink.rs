@@ -11,9 +11,7 @@ use core::future::pending;
 use embassy_futures::select::{Either3, select3};
 use embassy_time::{Duration, Ticker, Timer};
 use heapless::{String, Vec};
-use mavlink_node::{
-    Command, Config, Fix, GpsFix, Node, PingReply, Request, RequestKind, Severity, Test,
-};
+use mavlink_node::{Command, Config, Fix, GpsFix, Node, PingReply, Request, RequestKind, Severity};
 use sample_log::{Kept, Sample, SampleLog, State};
 use timebase::{CORE_HZ, StampedByte};
 use utc_clock::{ClockState, Reading};
@@ -99,14 +97,9 @@ fn serve(node: &mut Node, writer: &mut Writer, request: &Request) {
     let (time, reading) = shared::told_at(request.arrival);
     match request.ask {
         RequestKind::Command(Command {
-            meaning: Ok(Test::Ends),
-            ..
-        }) => SAMPLES.end_test(),
-        RequestKind::Command(Command {
-            meaning: Ok(Test::Begins),
-            ..
-        })
-        | RequestKind::EraseLog => SAMPLES.with(SampleLog::clear),
+            meaning: Ok(test), ..
+        }) => SAMPLES.handle_test(test),
+        RequestKind::EraseLog => SAMPLES.with(SampleLog::clear),
         RequestKind::Command(_) | RequestKind::Ping { .. } | RequestKind::TimeSync { .. } => {}
     }
     let is_answered = writer.send(&node.answer(request, time));

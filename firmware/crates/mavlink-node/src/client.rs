@@ -17,12 +17,13 @@ use mavlink::dialects::common::{
     LOG_REQUEST_LIST_DATA, MavCmd, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA,
     PARAM_VALUE_DATA, STATUSTEXT_DATA, SYSTEM_TIME_DATA, TIMESYNC_DATA,
 };
+use sample_log::Test;
 use timebase::StampedByte;
 
-use crate::command::Test;
+use crate::command;
 use crate::frame::{Address, Frame, Sender, Version};
 use crate::framer::{Delimited, Framer, FramingCounters, Kind, Wanted};
-use crate::log_transfer::LOG_ID;
+use crate::log_transfer::{LOG_DATA_LEN, LOG_ID};
 use crate::parameter::{Name, Parameter, Text};
 use crate::ping::Ping;
 
@@ -130,9 +131,6 @@ pub const GROUND_STATION: Address = Address {
 /// sets its clock.
 pub const EARLIEST_UTC_US: u64 = 1_451_606_400_000_000;
 
-/// Bytes of a log in one LOG_DATA.
-pub const LOG_DATA_LEN: usize = 90;
-
 impl Message {
     /// MAV_RESULT_ACCEPTED: done.
     pub const ACCEPTED: u8 = 0;
@@ -213,7 +211,7 @@ impl Client {
     /// each one that begins a test clears the log.
     pub fn test(&mut self, node: Address, test: Test) -> Frame {
         self.say(&COMMAND_LONG_DATA {
-            param1: test.param1(),
+            param1: command::param1(test),
             command: MavCmd::MAV_CMD_USER_1,
             target_system: node.system,
             target_component: node.component,

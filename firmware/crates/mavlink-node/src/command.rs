@@ -13,6 +13,7 @@
 
 use mavlink::MessageData;
 use mavlink::dialects::common::{COMMAND_ACK_DATA, MavResult};
+use sample_log::Test;
 
 use crate::frame::{Address, Frame, Sender, Version};
 
@@ -23,22 +24,11 @@ pub(crate) const USER_1: u16 = 31_010;
 /// seven words, of which the first is a float in both.
 const NUMBER: usize = 28;
 
-/// What a test does now.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Test {
-    /// It begins.
-    Begins,
-    /// It ends.
-    Ends,
-}
-
-impl Test {
-    /// The command's first parameter.
-    pub(crate) const fn param1(self) -> f32 {
-        match self {
-            Self::Begins => 0.0,
-            Self::Ends => 1.0,
-        }
+/// The command's first parameter.
+pub(crate) const fn param1(test: Test) -> f32 {
+    match test {
+        Test::Begins => 0.0,
+        Test::Ends => 1.0,
     }
 }
 
@@ -69,7 +59,7 @@ impl Command {
         } else {
             [Test::Begins, Test::Ends]
                 .into_iter()
-                .find(|test| test.param1() == param1)
+                .find(|test| self::param1(*test) == param1)
                 .ok_or(Refusal::Denied)
         };
         Some(Self { number, meaning })

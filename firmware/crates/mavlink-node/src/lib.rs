@@ -40,9 +40,11 @@ mod ping;
 mod request;
 
 pub use broadcast::{Fix, GpsFix, Severity};
-pub use command::{Command, Refusal, Test};
+pub use command::{Command, Refusal};
 pub use frame::{Address, Frame, Version};
+pub use log_transfer::{LOG_DATA_LEN, LogFile};
 pub use node::{Config, Counters, Node, PingReply};
 pub use node_time::NodeTime;
-pub use parameter::Parameter;
-pub use request::{Holdings, Request, RequestKind};
+pub use parameter::{Parameter, Parameters};
+pub use request::{Request, RequestKind};
+pub use sample_log::Test;

@@ -12,13 +12,27 @@
 
 use mavlink::dialects::common::{LOG_DATA_DATA, LOG_ENTRY_DATA};
 
-use crate::client::LOG_DATA_LEN;
 use crate::frame::{Frame, Sender, Version};
 use crate::node_time::per_thousand;
-use crate::request::Holdings;
+
+/// Bytes of a log in one LOG_DATA.
+pub const LOG_DATA_LEN: usize = 90;
 
 /// The number of the log.
 pub(crate) const LOG_ID: u16 = 1;
+
+/// The log's file, where the node finds it.
+pub trait LogFile {
+    /// Its length. [bytes]
+    fn log_len(&self) -> u32;
+
+    /// When the log was begun, if it was and that is known. [ns of UTC since 1970]
+    fn log_began_ns(&self) -> Option<i64>;
+
+    /// Fills `out` with the file from `offset` on. The number of bytes: fewer than there
+    /// is room for at its end.
+    fn read_log(&self, offset: u32, out: &mut [u8]) -> usize;
+}
 
 /// What is still to be sent.
 #[derive(Debug)]
@@ -63,18 +77,18 @@ impl LogTransfer {
         !self.entry_is_wanted && self.stretch.is_none()
     }
 
-    pub(crate) fn poll(&mut self, sender: &mut Sender, holdings: &impl Holdings) -> Option<Frame> {
+    pub(crate) fn poll(&mut self, sender: &mut Sender, log: &impl LogFile) -> Option<Frame> {
         if self.entry_is_wanted {
             self.entry_is_wanted = false;
-            return Some(sender.message(self.version, &entry(holdings)));
+            return Some(sender.message(self.version, &entry(log)));
         }
         let Stretch { next, end } = self.stretch?;
         let mut data = [0; LOG_DATA_LEN];
         let wanted = end.saturating_sub(next).min(LOG_DATA_LEN as u32);
         let room = data.get_mut(..wanted as usize).unwrap_or_default();
-        let count = holdings.read_log(next, room).min(LOG_DATA_LEN) as u32;
+        let count = log.read_log(next, room).min(LOG_DATA_LEN) as u32;
         let next_after = next.saturating_add(count);
-        let goes_on = count > 0 && next_after < end.min(holdings.log_len());
+        let goes_on = count > 0 && next_after < end.min(log.log_len());
         self.stretch = goes_on.then_some(Stretch {
             next: next_after,
             end,
@@ -89,11 +103,11 @@ impl LogTransfer {
     }
 }
 
-fn entry(holdings: &impl Holdings) -> LOG_ENTRY_DATA {
-    let began_ns = u64::try_from(holdings.log_began_ns().unwrap_or(0)).unwrap_or(0);
+fn entry(log: &impl LogFile) -> LOG_ENTRY_DATA {
+    let began_ns = u64::try_from(log.log_began_ns().unwrap_or(0)).unwrap_or(0);
     LOG_ENTRY_DATA {
         time_utc: per_thousand(per_thousand(per_thousand(began_ns))) as u32,
-        size: holdings.log_len(),
+        size: log.log_len(),
         id: LOG_ID,
         num_logs: LOG_ID,
         last_log_num: LOG_ID,

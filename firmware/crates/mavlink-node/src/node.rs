@@ -26,17 +26,18 @@ use mavlink::dialects::common::{
     LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA,
     PARAM_SET_DATA, TIMESYNC_DATA,
 };
+use sample_log::Test;
 use timebase::{CORE_HZ, Cycles, StampedByte};
 
 use crate::broadcast::Severity;
-use crate::command::{Command, Test};
+use crate::command::Command;
 use crate::frame::{Address, Frame, Sender, Version};
 use crate::framer::{Delimited, Framer, FramingCounters, Kind, Wanted};
-use crate::log_transfer::{LOG_ID, LogTransfer};
+use crate::log_transfer::{LOG_ID, LogFile, LogTransfer};
 use crate::node_time::NodeTime;
-use crate::parameter::{self, Name, Parameter};
+use crate::parameter::{self, Name, Parameter, Parameters};
 use crate::ping::Ping;
-use crate::request::{Holdings, Request, RequestKind};
+use crate::request::{Request, RequestKind};
 
 /// How a node behaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -313,10 +314,10 @@ impl Node {
     /// The next frame of what was asked for and takes more than one. To be called
     /// while nothing more urgent waits for the line.
     #[inline(never)]
-    pub fn poll(&mut self, holdings: &impl Holdings) -> Option<Frame> {
+    pub fn poll(&mut self, board: &(impl Parameters + LogFile)) -> Option<Frame> {
         self.parameters
-            .poll(&mut self.sender, holdings)
-            .or_else(|| self.log.poll(&mut self.sender, holdings))
+            .poll(&mut self.sender, board)
+            .or_else(|| self.log.poll(&mut self.sender, board))
     }
 
     /// The answer to `request`; `time` is the node's time at its arrival.

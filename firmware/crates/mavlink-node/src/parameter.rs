@@ -16,7 +16,6 @@ use core::fmt;
 use mavlink::dialects::common::{MavParamType, PARAM_VALUE_DATA};
 
 use crate::frame::{Frame, Sender, Version};
-use crate::request::Holdings;
 
 /// A parameter of a node. Its index over MAVLink is its place here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,6 +74,12 @@ impl Parameter {
     }
 }
 
+/// The values of the parameters, where the node finds them.
+pub trait Parameters {
+    /// The value of a parameter.
+    fn parameter(&self, parameter: Parameter) -> f32;
+}
+
 /// The parameters that are still to be sent.
 #[derive(Debug)]
 pub(crate) struct Wanted {
@@ -105,12 +110,16 @@ impl Wanted {
         self.bits == 0
     }
 
-    pub(crate) fn poll(&mut self, sender: &mut Sender, holdings: &impl Holdings) -> Option<Frame> {
+    pub(crate) fn poll(
+        &mut self,
+        sender: &mut Sender,
+        parameters: &impl Parameters,
+    ) -> Option<Frame> {
         let index = self.bits.trailing_zeros();
         let parameter = *Parameter::ALL.get(index as usize)?;
         self.bits &= !(1 << index);
         let value = PARAM_VALUE_DATA {
-            param_value: holdings.parameter(parameter),
+            param_value: parameters.parameter(parameter),
             param_count: Parameter::ALL.len() as u16,
             param_index: parameter.index(),
             param_id: Name::from(parameter.name()).0.into(),

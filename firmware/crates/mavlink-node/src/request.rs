@@ -1,17 +1,13 @@
-//! What somebody asks of a node, and where the node finds the answer.
+//! A request that the node hands out, because its answer needs the clock or it changes
+//! something.
 //!
-//! *Purpose.* The values between a node and whoever runs it.
-//!
-//! *Design.* A [`Request`] needs the clock, or changes something: it is handed out.
-//! What is only looked up (parameters, the log) the node asks of its [`Holdings`].
-//!
-//! *Limits.* None.
+//! What is only looked up the node asks of [`Parameters`](crate::Parameters) and
+//! [`LogFile`](crate::LogFile).
 
 use timebase::Cycles;
 
 use crate::command::Command;
 use crate::frame::{Address, Version};
-use crate::parameter::Parameter;
 
 /// Somebody asks something of this node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,20 +42,4 @@ pub enum RequestKind {
     Command(Command),
     /// LOG_ERASE: the log is to be cleared before this is answered.
     EraseLog,
-}
-
-/// Where a node finds what it is asked for.
-pub trait Holdings {
-    /// The value of a parameter.
-    fn parameter(&self, parameter: Parameter) -> f32;
-
-    /// The length of the log's file, in bytes.
-    fn log_len(&self) -> u32;
-
-    /// When the log was begun, in ns of UTC since 1970, if it was and that is known.
-    fn log_began_ns(&self) -> Option<i64>;
-
-    /// Fills `out` with the log's file from `offset` on. The number of bytes: fewer
-    /// than there is room for at its end.
-    fn read_log(&self, offset: u32, out: &mut [u8]) -> usize;
 }

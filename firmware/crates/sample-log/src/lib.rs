@@ -24,5 +24,5 @@ pub mod csv;
 mod log;
 pub mod sample;
 
-pub use log::{Kept, SampleLog};
+pub use log::{Kept, SampleLog, Test};
 pub use sample::{Record, Sample, State};

@@ -1,6 +1,15 @@
 //! The samples of a test, in memory that is given.
 
-use crate::{Record, Sample};
+use crate::{Record, Sample, State, csv};
+
+/// The beginning or the end of a test, as a client commands it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Test {
+    /// It begins: the log is cleared and records.
+    Begins,
+    /// It ends: the log is frozen, so that its file can be read in pieces.
+    Ends,
+}
 
 /// What became of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,6 +60,14 @@ impl<'a> SampleLog<'a> {
     /// Records nothing more until [`Self::clear`].
     pub const fn freeze(&mut self) {
         self.is_frozen = true;
+    }
+
+    /// Does what the beginning or the end of a test means for the log.
+    pub const fn handle_test(&mut self, test: Test) {
+        match test {
+            Test::Begins => self.clear(),
+            Test::Ends => self.freeze(),
+        }
     }
 
     /// Keeps a sample, if it may and can.
@@ -114,6 +131,25 @@ impl<'a> SampleLog<'a> {
         self.is_frozen
     }
 
+    /// When the test began, as the time of its first sample; `None` while there is none, or
+    /// if the clock was not set then. [ns of UTC since 1970]
+    #[must_use]
+    pub fn began_ns(&self) -> Option<i64> {
+        let first = self.get(0)?;
+        (first.state != State::Unset).then_some(first.board_ns)
+    }
+
+    /// The length of its file. [bytes]
+    #[must_use]
+    pub const fn file_len(&self) -> u32 {
+        csv::file_len(self.len)
+    }
+
+    /// Fills `out` with its file from `offset` on, see [`csv::read`].
+    pub fn read_file(&self, offset: u32, out: &mut [u8]) -> usize {
+        csv::read(offset, out, self.len, |index| self.get(index))
+    }
+
     fn place(&mut self, index: u32) -> Option<&mut Record> {
         let index = index as usize;
         match index.checked_sub(self.older.len()) {
@@ -159,13 +195,33 @@ mod tests {
         let mut memory = [Record::EMPTY; 4];
         let mut log = SampleLog::new(&mut memory, &mut []);
         log.record(&sample(1));
-        log.freeze();
+        log.handle_test(Test::Ends);
         assert_eq!(log.record(&sample(2)), Kept::Frozen);
         assert_eq!((log.len(), log.get(0)), (1, Some(sample(1))));
-        log.clear();
+        log.handle_test(Test::Begins);
         assert_eq!((log.len(), log.get(0), log.is_frozen()), (0, None, false));
         assert_eq!(log.record(&sample(9)), Kept::Kept);
         assert_eq!(log.get(0), Some(sample(9)));
+    }
+
+    #[test]
+    fn its_file_and_its_beginning_are_those_of_its_samples() {
+        let mut memory = [Record::EMPTY; 2];
+        let mut log = SampleLog::new(&mut memory, &mut []);
+        assert_eq!(log.began_ns(), None);
+        let unset = Sample {
+            state: State::Unset,
+            ..sample(0)
+        };
+        log.record(&unset);
+        assert_eq!(log.began_ns(), None);
+        log.clear();
+        log.record(&sample(7));
+        assert_eq!(log.began_ns(), Some(sample(7).board_ns));
+        let mut file = [0; 3 * csv::LINE];
+        assert_eq!(log.read_file(0, &mut file), 2 * csv::LINE);
+        assert_eq!(log.file_len() as usize, 2 * csv::LINE);
+        assert_eq!(file[csv::LINE..2 * csv::LINE], csv::line(&sample(7)));
     }
 
     #[test]

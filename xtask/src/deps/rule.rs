@@ -7,6 +7,7 @@
 //! Other words there are for the reader.
 //!
 //! A logic crate names its outside crates too: no HAL, no embassy, no executor gets in.
+//! Only `defmt` may be a feature of each: it turns values into log frames and runs nothing.
 //! Any other package may use what it likes from outside, except what the row of another
 //! one names: that is its own (`rigless`).
 //!
@@ -58,6 +59,7 @@ pub fn packages(metadata: &Value) -> Result<Vec<Package>> {
                 folder: folder.trim_start_matches('/').to_owned(),
                 dependencies: dependencies
                     .filter(|dependency| dependency["kind"].is_null())
+                    .filter(|it| it["name"] != "defmt" || it["optional"] != true)
                     .map(|dependency| text(&dependency["name"]))
                     .collect(),
             })

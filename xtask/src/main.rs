@@ -12,6 +12,7 @@ mod compare;
 mod deps;
 mod flash;
 mod image;
+mod integrity;
 mod link;
 mod ping;
 mod pymavlink;
@@ -51,6 +52,8 @@ enum Verb {
     Replay(replay::Options),
     /// Our clock and other people's in the simulated world, beside the bounds
     Compare(compare::Options),
+    /// Count misleading readings over random schedules of faults
+    Integrity(integrity::Options),
     /// The paper's experiment, on virtual boards, on QEMU or on real boards
     Testbed(::testbed::Options),
     /// What each job costs, in instructions, beside its budget
@@ -97,6 +100,7 @@ fn run() -> Result<ExitCode> {
         Verb::Ping(options) => ping::run(&options),
         Verb::Replay(options) => replay::run(&options),
         Verb::Compare(options) => compare::run(&options),
+        Verb::Integrity(options) => integrity::run(&options),
         Verb::Testbed(options) => testbed::run(&options, &own_arguments()),
         Verb::Bench(options) => bench::run(&options),
         Verb::Size { json } => done(size::check(json)),

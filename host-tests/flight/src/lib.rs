@@ -19,10 +19,12 @@ mod crystal;
 pub mod demands;
 mod file;
 mod header;
+pub mod integrity;
 pub mod judge;
 pub mod player;
 mod reading;
 mod replayed;
+mod scheduled;
 
 pub use crystal::{Crystal, Knot};
 pub use file::{Error, Flight, Problem};

@@ -21,6 +21,10 @@ pub(crate) enum Stream {
     Answers,
     Pulse,
     PulseFaults,
+    Schedule,
+    ScheduleMessages,
+    ScheduleLeap,
+    ScheduleWire,
 }
 
 /// The stream `purpose` of the world `seed`.

@@ -29,6 +29,7 @@ mod pulse;
 mod pulse_maker;
 mod receiver;
 mod recording;
+pub mod schedule;
 mod settings;
 mod talker;
 pub mod ubx;

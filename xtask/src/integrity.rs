@@ -1,0 +1,240 @@
+//! `integrity`: how often the clock misleads, over random schedules of faults.
+//!
+//! *Purpose.* The count that has to be 0, the shares that show that it was not bought
+//! with silence, and the worst schedules as files for `replay`.
+//!
+//! *Design.* [`::flight::integrity`] draws, plays and counts; here it is told.
+//!
+//! *Limits.* Faults that nothing on the board can tell are told apart, and decide
+//! nothing.
+
+use std::io::IsTerminal;
+use std::ops::Range;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use ::flight::Flight;
+use ::flight::integrity::{
+    Availability, CHECKED, Campaign, JUDGING, TELLABLE_PER_UNTELLABLE, TUNING, campaign,
+};
+use anyhow::{Context, Result};
+use clap::Args;
+use indicatif::{ProgressBar, ProgressDrawTarget};
+use serde_json::{Value, json};
+use world::schedule::Schedule;
+
+use crate::image;
+
+/// What can be asked for.
+#[derive(Args)]
+pub struct Options {
+    /// Which schedules; without, 2 000 that no constant was tuned with. Tune with those
+    /// below 1000000
+    #[arg(long, value_name = "A..B", value_parser = seeds, default_value = "1000000..1002000")]
+    seeds: Range<u64>,
+    /// The 200 that are checked each time
+    #[arg(long, conflicts_with = "seeds")]
+    check: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+    /// Write so many of the worst as files that `replay` plays
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    worst: usize,
+    /// Where to; otherwise into target/integrity/
+    #[arg(long, value_name = "DIR", requires = "worst")]
+    out: Option<PathBuf>,
+}
+
+fn seeds(text: &str) -> Result<Range<u64>, String> {
+    let range = text
+        .split_once("..")
+        .and_then(|(from, until)| Some(from.parse().ok()?..until.parse().ok()?));
+    range
+        .filter(|range| !range.is_empty())
+        .ok_or_else(|| "allowed are two numbers, the first one smaller, as 0..100".to_owned())
+}
+
+/// Plays the schedules, and fails if one misleads or the clock is not available.
+///
+/// # Errors
+///
+/// When the worst cannot be written.
+pub fn run(options: &Options) -> Result<ExitCode> {
+    let seeds = if options.check {
+        CHECKED
+    } else {
+        options.seeds.clone()
+    };
+    let total = seeds.end - seeds.start;
+    let apart = seeds.start..seeds.start + total.div_ceil(TELLABLE_PER_UNTELLABLE);
+    let progress = bar(total + (apart.end - apart.start));
+    let started = Instant::now();
+    let done = || progress.inc(1);
+    let told = campaign(seeds.clone(), Schedule::draw, options.worst, &done);
+    let untold = campaign(apart, Schedule::draw_untellable, 0, &done);
+    progress.finish_and_clear();
+    let took_s = started.elapsed().as_secs_f64();
+    if options.json {
+        println!("{}", value(&seeds, &told, &untold));
+    } else {
+        print!("{}", text(&seeds, &told, &untold));
+    }
+    eprintln!(
+        "{total} schedules in {took_s:.1} s: {:.0} times as fast as time",
+        (told.lasted_s + untold.lasted_s) / took_s
+    );
+    write_worst(options, &told)?;
+    Ok(if told.is_good() {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    })
+}
+
+fn bar(total: u64) -> ProgressBar {
+    if std::io::stderr().is_terminal() {
+        ProgressBar::new(total)
+    } else {
+        ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::hidden())
+    }
+}
+
+/// What the seeds are for.
+fn purpose(seeds: &Range<u64>) -> &'static str {
+    if seeds.end <= TUNING.end {
+        "seeds for tuning"
+    } else if *seeds == JUDGING || *seeds == CHECKED || TUNING.end <= seeds.start {
+        "seeds that no constant was tuned with"
+    } else {
+        "seeds of both kinds"
+    }
+}
+
+fn text(seeds: &Range<u64>, told: &Campaign, untold: &Campaign) -> String {
+    let mut text = format!(
+        "{} schedules of two to five faults, {}..{} ({}): {} misleading\n",
+        told.schedules,
+        seeds.start,
+        seeds.end,
+        purpose(seeds),
+        told.misleading.len()
+    );
+    if !told.misleading.is_empty() {
+        text += &format!("  seeds {}\n", listed(&told.misleading));
+    }
+    text += "while nothing was wrong and had not been for long:\n";
+    for (name, availability) in [
+        ("with a pulse", &told.with_pulse),
+        ("without", &told.without_pulse),
+    ] {
+        text += &format!("  {name:<13}");
+        for (share_of, share) in availability.shares() {
+            let mark = if share.is_enough() { "" } else { " (FEW)" };
+            text += &format!(" {share_of} {:.3} %{mark}", share.percent());
+        }
+        text.push('\n');
+    }
+    text += &format!(
+        "what nothing on the board can tell: {} of {} misleading\n",
+        untold.misleading.len(),
+        untold.schedules
+    );
+    text
+}
+
+/// The first of them.
+fn listed(seeds: &[u64]) -> String {
+    const SHOWN: usize = 20;
+    let shown: Vec<_> = seeds.iter().take(SHOWN).map(u64::to_string).collect();
+    let more = if seeds.len() > SHOWN { " …" } else { "" };
+    format!("{}{more}", shown.join(" "))
+}
+
+fn value(seeds: &Range<u64>, told: &Campaign, untold: &Campaign) -> Value {
+    let availability = |availability: &Availability| {
+        let shares = availability.shares().map(|(name, share)| {
+            let value = json!({ "good": share.good, "of": share.of });
+            (name.to_owned(), value)
+        });
+        Value::Object(shares.into_iter().collect())
+    };
+    json!({
+        "seeds": [seeds.start, seeds.end],
+        "schedules": told.schedules,
+        "misleading": told.misleading.len(),
+        "misleading_seeds": told.misleading,
+        "with_pulse": availability(&told.with_pulse),
+        "without_pulse": availability(&told.without_pulse),
+        "untellable": {
+            "schedules": untold.schedules,
+            "misleading": untold.misleading.len(),
+        },
+    })
+}
+
+/// Each of the worst as a file.
+fn write_worst(options: &Options, told: &Campaign) -> Result<()> {
+    if told.worst.is_empty() {
+        return Ok(());
+    }
+    let folder = match &options.out {
+        Some(folder) => folder.clone(),
+        None => image::target_dir()?.join("integrity"),
+    };
+    std::fs::create_dir_all(&folder)?;
+    for played in &told.worst {
+        let file = folder.join(format!("seed-{}.ev", played.schedule.seed));
+        let flight = Flight::from(&played.schedule);
+        std::fs::write(&file, flight.to_string())
+            .with_context(|| format!("cannot write {}", file.display()))?;
+        let kinds: Vec<_> = played
+            .schedule
+            .faults
+            .iter()
+            .map(|fault| fault.kind.name())
+            .collect();
+        let misled = played.tally.first_misleading().map_or_else(
+            || format!("{:.2} of its claim", played.nearest),
+            |from| {
+                let lasts_s = played.tally.misleading().as_secs();
+                format!(
+                    "misleading for {lasts_s:.1} s from {:.1} s on",
+                    from.as_secs()
+                )
+            },
+        );
+        eprintln!("{}: {misled}; {}", file.display(), kinds.join(", "));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seeds_are_a_range_that_is_not_empty() {
+        assert_eq!(seeds("3..5"), Ok(3..5));
+        for wrong in ["5..3", "3..3", "3", "a..b", ""] {
+            assert!(seeds(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(seeds("1000000..1002000"), Ok(JUDGING), "the default");
+    }
+
+    #[test]
+    fn people_and_programs_are_told_the_same() {
+        let drawn = campaign(0..2, Schedule::draw, 1, &|| {});
+        let apart = campaign(0..1, Schedule::draw_untellable, 0, &|| {});
+        let told = value(&(0..2), &drawn, &apart);
+        assert_eq!(told["schedules"], 2);
+        let misleading = told["misleading"].as_u64().unwrap();
+        let lines = text(&(0..2), &drawn, &apart);
+        assert!(lines.contains(&format!("(seeds for tuning): {misleading} misleading")));
+        for name in ["set", "within", "claimed", "close"] {
+            assert!(told["with_pulse"][name]["of"].is_u64());
+            assert!(lines.contains(name));
+        }
+    }
+}

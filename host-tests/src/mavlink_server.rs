@@ -13,11 +13,11 @@ use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use mavlink_node::{
-    Command, Config, Fix, GpsFix, LogFile, Node, NodeTime, Parameter, Parameters, Request,
-    RequestKind, Test,
+    Command, Config, Fix, LogFile, Node, NodeTime, Parameter, Parameters, Request, RequestKind,
+    Test,
 };
-use sample_log::{Record, Sample, SampleLog, State};
-use timebase::{Cycles, StampedByte};
+use sample_log::{Record, Sample, SampleLog};
+use timebase::{ClockState, Cycles, StampedByte};
 
 /// How the node's clock stands.
 #[derive(Clone, Copy, Debug)]
@@ -101,10 +101,11 @@ fn converse(mut stream: TcpStream, mut behaviour: Behaviour) -> io::Result<()> {
     let mut next_second = Duration::ZERO;
     let mut test_began = None;
     let mut set_again = Duration::ZERO;
-    let mut fix = GpsFix {
-        fix: Fix::ThreeD,
-        ..GpsFix::NONE
-    };
+    let mut fix = Some(Fix {
+        fix_type: 3,
+        fix_ok: true,
+        ..Fix::default()
+    });
     let mut is_silent = false;
     let mut misses_the_end = false;
     let mut pieces_until_lost: Option<u32> = None;
@@ -121,7 +122,7 @@ fn converse(mut stream: TcpStream, mut behaviour: Behaviour) -> io::Result<()> {
                 (next_second, set_again) = (Duration::ZERO, SET_AGAIN);
                 held.log.clear();
             }
-            Some((_, Mishap::LosesReceiver)) => fix = GpsFix::NONE,
+            Some((_, Mishap::LosesReceiver)) => fix = None,
             Some((_, Mishap::FallsSilent)) => is_silent = true,
             Some((_, Mishap::LosesALogPiece)) => pieces_until_lost = Some(2),
             Some((_, Mishap::MissesTheEnd)) => misses_the_end = true,
@@ -137,7 +138,7 @@ fn converse(mut stream: TcpStream, mut behaviour: Behaviour) -> io::Result<()> {
             let now = time(clock, boot.elapsed());
             stream.write_all(&node.heartbeat(now))?;
             stream.write_all(&node.system_time(now))?;
-            stream.write_all(&node.gps_raw_int(now, &fix))?;
+            stream.write_all(&node.gps_raw_int(now, fix.as_ref()))?;
         }
         let bytes = match stream.read(&mut buffer) {
             Ok(0) => return Ok(()),
@@ -204,8 +205,8 @@ impl Held<'_> {
                     ping_us: time_usec,
                     sequence: seq,
                     state: match time.utc_ns {
-                        Some(_) => State::Set,
-                        None => State::Unset,
+                        Some(_) => ClockState::Set,
+                        None => ClockState::Unset,
                     },
                     uncertainty_ns: u32::MAX,
                 });

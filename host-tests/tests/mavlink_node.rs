@@ -15,8 +15,7 @@ use mavlink_frames::{Frame, SIGNED};
 use mavlink_line::{GROUND, ask, feed, heard};
 use mavlink_node::client::{Client, Message};
 use mavlink_node::{
-    Command, Config, Fix, GpsFix, Node, NodeTime, PingReply, Refusal, RequestKind, Severity,
-    Version,
+    Command, Config, Fix, Node, NodeTime, PingReply, Refusal, RequestKind, Severity, Version,
 };
 use proptest::prelude::*;
 use timebase::{Cycles, StampedByte};
@@ -347,29 +346,31 @@ fn what_is_told_unasked() {
         assert_eq!(*node.system_time(UNSET), frame(2, 2, 137, time(0)));
         assert_eq!(*node.system_time(TIME), frame(3, 2, 137, time(UTC_US)));
 
-        let fix = GpsFix {
-            fix: Fix::ThreeD,
-            latitude_e7: 473_977_420,
-            longitude_e7: 85_455_940,
-            altitude_msl_mm: 488_100,
-            altitude_ellipsoid_mm: 535_200,
-            hdop_e2: 80,
-            ground_speed_cm_s: 12,
-            course_e2: 35_999,
+        let fix = Fix {
+            fix_type: 3,
+            fix_ok: true,
+            latitude_1e7_deg: 473_977_420,
+            longitude_1e7_deg: 85_455_940,
+            height_msl_mm: 488_100,
+            ground_speed_mm_s: 129,
+            heading_1e5_deg: 35_999_999,
             satellites: 17,
             horizontal_accuracy_mm: 1_200,
-            ..GpsFix::NONE
+            vertical_accuracy_mm: 0,
         };
         let mut payload = UTC_US.to_le_bytes().to_vec();
         payload.extend(473_977_420_i32.to_le_bytes());
         payload.extend(85_455_940_i32.to_le_bytes());
         payload.extend(488_100_i32.to_le_bytes());
-        payload.extend([80, 0, 0xff, 0xff, 12, 0, 0x9f, 0x8c, 3, 17]);
+        payload.extend([0xff, 0xff, 0xff, 0xff, 12, 0, 0x9f, 0x8c, 3, 17]);
         if v2 {
-            payload.extend(535_200_i32.to_le_bytes());
+            payload.extend([0; 4]);
             payload.extend(1_200_u32.to_le_bytes());
         }
-        assert_eq!(*node.gps_raw_int(TIME, &fix), frame(4, 24, 24, payload));
+        assert_eq!(
+            *node.gps_raw_int(TIME, Some(&fix)),
+            frame(4, 24, 24, payload)
+        );
 
         let mut payload = vec![4];
         payload.extend(b"clock set");
@@ -380,6 +381,37 @@ fn what_is_told_unasked() {
         );
         let long = node.statustext(Severity::Info, &"x".repeat(200));
         assert_eq!(long.len(), if v2 { 63 } else { 59 });
+    }
+}
+
+#[test]
+fn a_fix_is_told_as_its_receiver_claims_it() {
+    let mut node = node();
+    let mut told = |fix: Option<Fix>| match heard(&node.gps_raw_int(TIME, fix.as_ref())) {
+        Some(Message::Fix { fix_type }) => fix_type,
+        other => panic!("{other:?}"),
+    };
+    // NAV-PVT's: none, dead reckoning, 2D, 3D, both, time only, and one that is not known.
+    for (fix_type, known) in [(0, 1), (1, 1), (2, 2), (3, 3), (4, 3), (5, 1), (6, 1)] {
+        for (fix_ok, expected) in [(true, known), (false, 1)] {
+            let fix = Fix {
+                fix_type,
+                fix_ok,
+                ..Fix::default()
+            };
+            assert_eq!(told(Some(fix)), expected, "{fix:?}");
+        }
+    }
+    assert_eq!(told(None), 0, "no receiver");
+    // Speeds and headings that the message cannot hold are unknown.
+    for (ground_speed_mm_s, heading_1e5_deg) in [(-20, -2_000), (i32::MAX, i32::MAX)] {
+        let fix = Fix {
+            ground_speed_mm_s,
+            heading_1e5_deg,
+            ..Fix::default()
+        };
+        let frame = node.gps_raw_int(TIME, Some(&fix));
+        assert_eq!(frame[6 + 24..6 + 28], [0xff; 4]);
     }
 }
 
@@ -423,6 +455,6 @@ proptest! {
         }
         node.heartbeat(time);
         node.system_time(time);
-        node.gps_raw_int(time, &GpsFix::NONE);
+        node.gps_raw_int(time, None);
     }
 }

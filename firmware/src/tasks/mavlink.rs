@@ -11,10 +11,10 @@ use core::future::pending;
 use embassy_futures::select::{Either3, select3};
 use embassy_time::{Duration, Ticker, Timer};
 use heapless::{String, Vec};
-use mavlink_node::{Command, Config, Fix, GpsFix, Node, PingReply, Request, RequestKind, Severity};
-use sample_log::{Kept, Sample, SampleLog, State};
+use mavlink_node::{Command, Config, Node, PingReply, Request, RequestKind, Severity};
+use sample_log::{Kept, Sample, SampleLog};
 use timebase::{CORE_HZ, StampedByte};
-use utc_clock::{ClockState, Reading};
+use utc_clock::Reading;
 
 use crate::drivers::time;
 use crate::drivers::uart::{INCOMING, Reader, Writer};
@@ -116,11 +116,7 @@ fn record(ping_us: u64, sequence: u32, board_ns: i64, reading: Reading) {
         board_ns,
         ping_us,
         sequence,
-        state: match reading.state {
-            ClockState::Unset => State::Unset,
-            ClockState::Set => State::Set,
-            ClockState::Holdover => State::Holdover,
-        },
+        state: reading.state,
         uncertainty_ns: reading.uncertainty_ns,
     };
     if SAMPLES.with(|log| log.record(&sample)) == Kept::Last {
@@ -141,10 +137,10 @@ fn once_a_second(node: &mut Node, writer: &mut Writer) {
         .and_then(|report| report.fix)
         .filter(|(arrival, _)| now.since(*arrival) < FIX_LASTS);
     let (fix_time, fix) = match recent {
-        Some((arrival, fix)) => (shared::node_time(arrival), gps_fix(&fix)),
-        None => (node_time, GpsFix::NONE),
+        Some((arrival, fix)) => (shared::node_time(arrival), Some(fix)),
+        None => (node_time, None),
     };
-    writer.send(&node.gps_raw_int(fix_time, &fix));
+    writer.send(&node.gps_raw_int(fix_time, fix.as_ref()));
     while let Ok(news) = CLOCK_EVENTS.try_receive() {
         let severity = match news {
             ClockEvent::Set | ClockEvent::PulseFollowed | ClockEvent::Saved { .. } => {
@@ -209,27 +205,5 @@ fn push_number(text: &mut String<50>, number: i64) {
     }
     for digit in digits.iter().rev() {
         let _ = text.push(char::from(*digit));
-    }
-}
-
-/// A receiver's solution in MAVLink's units.
-fn gps_fix(fix: &ubx_link::Fix) -> GpsFix {
-    GpsFix {
-        // 1 is dead reckoning, 4 is it with a 3D fix, 5 is time only (UBX-NAV-PVT).
-        fix: match fix.fix_type {
-            2 if fix.fix_ok => Fix::TwoD,
-            3 | 4 if fix.fix_ok => Fix::ThreeD,
-            _ => Fix::None,
-        },
-        latitude_e7: fix.latitude_1e7_deg,
-        longitude_e7: fix.longitude_1e7_deg,
-        altitude_msl_mm: fix.height_msl_mm,
-        ground_speed_cm_s: u16::try_from(fix.ground_speed_mm_s / 10).unwrap_or(u16::MAX),
-        course_e2: u16::try_from(fix.heading_1e5_deg / 1_000).unwrap_or(u16::MAX),
-        satellites: fix.satellites,
-        horizontal_accuracy_mm: fix.horizontal_accuracy_mm,
-        vertical_accuracy_mm: fix.vertical_accuracy_mm,
-        // NAV-PVT has only the dilution in all three directions together.
-        ..GpsFix::NONE
     }
 }

@@ -155,7 +155,6 @@ fn nav_pvt(frame: &Found<'_>) -> Event {
             vertical_accuracy_mm: four(44),
             ground_speed_mm_s: four(60).cast_signed(),
             heading_1e5_deg: four(64).cast_signed(),
-            pdop_1e2: two(76),
         },
     }
 }

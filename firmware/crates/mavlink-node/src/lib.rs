@@ -10,7 +10,7 @@
 //! [`node`] turns a frame into a [`Request`], which carries the arrival of the
 //! frame's first byte, and a request with the [`NodeTime`] of that moment into
 //! the [`Frame`] to send; [`parameter`] and the log's transfer keep what is still to be
-//! sent of an answer of many frames. [`telling`] has what is sent without being asked.
+//! sent of an answer of many frames. What is sent without being asked is made by [`Node::heartbeat`] and its neighbours.
 //! [`client`] is the other end of the line, for the tools on a host. The crate
 //! `mavlink` parses and builds payloads; none of its types is in the interface.
 //!
@@ -26,7 +26,7 @@
     clippy::indexing_slicing
 )]
 
-pub mod broadcast;
+mod broadcast;
 pub mod client;
 mod command;
 pub mod crc;
@@ -38,8 +38,8 @@ mod node_time;
 pub mod parameter;
 mod ping;
 mod request;
+mod severity;
 
-pub use broadcast::{Fix, GpsFix, Severity};
 pub use command::{Command, Refusal};
 pub use frame::{Address, Frame, Version};
 pub use log_transfer::{LOG_DATA_LEN, LogFile};
@@ -48,3 +48,5 @@ pub use node_time::NodeTime;
 pub use parameter::{Parameter, Parameters};
 pub use request::{Request, RequestKind};
 pub use sample_log::Test;
+pub use severity::Severity;
+pub use timebase::Fix;

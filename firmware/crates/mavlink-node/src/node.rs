@@ -29,7 +29,6 @@ use mavlink::dialects::common::{
 use sample_log::Test;
 use timebase::{CORE_HZ, Cycles, StampedByte};
 
-use crate::broadcast::Severity;
 use crate::command::Command;
 use crate::frame::{Address, Frame, Sender, Version};
 use crate::framer::{Delimited, Framer, FramingCounters, Kind, Wanted};
@@ -38,6 +37,7 @@ use crate::node_time::NodeTime;
 use crate::parameter::{self, Name, Parameter, Parameters};
 use crate::ping::Ping;
 use crate::request::{Request, RequestKind};
+use crate::severity::Severity;
 
 /// How a node behaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@
 //!
 //! *Limits.* A time before 1970 is told as 0. Lines end as RFC 4180 has it.
 
-use crate::{Sample, State};
+use crate::Sample;
 
 /// Bytes of a line, the header included.
 pub const LINE: usize = 67;
@@ -31,17 +31,12 @@ pub const fn file_len(samples: u32) -> u32 {
 /// The line of a sample.
 #[must_use]
 pub fn line(sample: &Sample) -> [u8; LINE] {
-    let state: &[u8] = match sample.state {
-        State::Unset => b"unset",
-        State::Set => b"set",
-        State::Holdover => b"holdover",
-    };
     let mut line = [b','; LINE];
     // From its end to its beginning.
     let free = write(&mut line, b"\r\n");
     let free = digits(free, UNCERTAINTY_DIGITS, sample.uncertainty_ns.into());
     let free = write(free, b",");
-    let free = write(free, state);
+    let free = write(free, sample.state.as_str().as_bytes());
     let free = write(free, b",");
     let free = digits(free, BOARD_DIGITS, sample.board_ns.max(0).cast_unsigned());
     let free = write(free, b",");
@@ -120,6 +115,8 @@ mod tests {
     use std::str;
     use std::vec::Vec;
 
+    use timebase::ClockState;
+
     use super::*;
 
     fn sample(index: u32) -> Sample {
@@ -127,7 +124,7 @@ mod tests {
             board_ns: 1_795_309_322_961_327_001 + i64::from(index),
             ping_us: 1_795_309_322_000_000 + u64::from(index),
             sequence: index,
-            state: [State::Unset, State::Set, State::Holdover][index as usize % 3],
+            state: [ClockState::Unset, ClockState::Set, ClockState::Holdover][index as usize % 3],
             uncertainty_ns: [u32::MAX, 64, 0][index as usize % 3],
         }
     }
@@ -160,7 +157,7 @@ mod tests {
             board_ns: i64::MIN,
             ping_us: u64::MAX,
             sequence: u32::MAX,
-            state: State::Holdover,
+            state: ClockState::Holdover,
             uncertainty_ns: u32::MAX,
         };
         let text = line(&extreme);

@@ -25,4 +25,4 @@ mod log;
 pub mod sample;
 
 pub use log::{Kept, SampleLog, Test};
-pub use sample::{Record, Sample, State};
+pub use sample::{Record, Sample};

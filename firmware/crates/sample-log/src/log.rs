@@ -1,6 +1,8 @@
 //! The samples of a test, in memory that is given.
 
-use crate::{Record, Sample, State, csv};
+use timebase::ClockState;
+
+use crate::{Record, Sample, csv};
 
 /// The beginning or the end of a test, as a client commands it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -136,7 +138,7 @@ impl<'a> SampleLog<'a> {
     #[must_use]
     pub fn began_ns(&self) -> Option<i64> {
         let first = self.get(0)?;
-        (first.state != State::Unset).then_some(first.board_ns)
+        (first.state != ClockState::Unset).then_some(first.board_ns)
     }
 
     /// The length of its file. [bytes]
@@ -162,14 +164,13 @@ impl<'a> SampleLog<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::State;
 
     fn sample(number: u32) -> Sample {
         Sample {
             board_ns: 1_000_000_000 + i64::from(number),
             ping_us: 77_000_000 + u64::from(number),
             sequence: number,
-            state: State::Set,
+            state: ClockState::Set,
             uncertainty_ns: 64,
         }
     }
@@ -210,7 +211,7 @@ mod tests {
         let mut log = SampleLog::new(&mut memory, &mut []);
         assert_eq!(log.began_ns(), None);
         let unset = Sample {
-            state: State::Unset,
+            state: ClockState::Unset,
             ..sample(0)
         };
         log.record(&unset);

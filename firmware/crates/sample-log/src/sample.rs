@@ -4,16 +4,7 @@
 //! with 24 bits of sequence number, two of state and six of uncertainty. The uncertainty is coded by
 //! its logarithm, in steps of √2, rounded up: an interval that holds UTC still does after it.
 
-/// What the board's clock was when it was read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum State {
-    /// Never set: its time is the time since boot.
-    Unset,
-    /// Set, and marks keep coming.
-    Set,
-    /// Set, but nothing steers it.
-    Holdover,
-}
+use timebase::ClockState;
 
 /// One PING, as the board that was asked saw it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,7 +16,7 @@ pub struct Sample {
     /// The PING's number.
     pub sequence: u32,
     /// The state of the board's clock.
-    pub state: State,
+    pub state: ClockState,
     /// Half the width of the interval that is meant to hold UTC, in ns; `u32::MAX` if that is
     /// unknown.
     pub uncertainty_ns: u32,
@@ -52,18 +43,13 @@ impl Record {
     /// Packs a sample; the first PING of the log was sent at `first_us`.
     #[must_use]
     pub(crate) fn pack(sample: &Sample, first_us: u64) -> Self {
-        let state = match sample.state {
-            State::Unset => 0,
-            State::Set => 1,
-            State::Holdover => 2,
-        };
         let board = sample.board_ns.cast_unsigned();
         Self([
             board as u32,
             (board >> 32) as u32,
             sample.ping_us.wrapping_sub(first_us) as u32,
             sample.sequence & SEQUENCE_MASK
-                | state << STATE_SHIFT
+                | sample.state.bits() << STATE_SHIFT
                 | code(sample.uncertainty_ns) << UNCERTAINTY_SHIFT,
         ])
     }
@@ -76,10 +62,9 @@ impl Record {
             board_ns: (low as u64 | (high as u64) << 32).cast_signed(),
             ping_us: first_us.wrapping_add(since_first_us as u64),
             sequence: rest & SEQUENCE_MASK,
-            state: match rest >> STATE_SHIFT & 3 {
-                0 => State::Unset,
-                1 => State::Set,
-                _ => State::Holdover,
+            state: match ClockState::from_bits(rest >> STATE_SHIFT & 3) {
+                Some(state) => state,
+                None => ClockState::Holdover,
             },
             uncertainty_ns: least_of(rest >> UNCERTAINTY_SHIFT),
         }
@@ -146,7 +131,7 @@ mod tests {
 
     #[test]
     fn what_goes_in_comes_out() {
-        for state in [State::Unset, State::Set, State::Holdover] {
+        for state in [ClockState::Unset, ClockState::Set, ClockState::Holdover] {
             let sample = Sample {
                 board_ns: 1_795_309_322_961_327_001,
                 ping_us: 1_795_309_322_000_000 + u64::from(u32::MAX),

@@ -19,11 +19,13 @@
 
 pub mod capture;
 pub mod cycles;
+mod fix;
 pub mod mark;
 pub mod sleep;
 mod state;
 pub mod tick;
 
 pub use cycles::{CORE_HZ, Cycles, Stamp, StampedByte};
+pub use fix::Fix;
 pub use mark::{CivilTime, PulseForecast, PulseMark, TimeMark, Validity};
 pub use state::ClockState;

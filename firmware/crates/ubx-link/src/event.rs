@@ -17,7 +17,7 @@
 //! *Limits.* Height above the ellipsoid, the velocity's components and the
 //! magnetic fields are left where they are.
 
-use timebase::{CivilTime, Cycles, PulseForecast, TimeMark, Validity};
+use timebase::{CivilTime, Cycles, Fix, PulseForecast, TimeMark, Validity};
 use ublox::UbxProtocol;
 use ublox::proto23::{PacketRef, Proto23};
 
@@ -49,34 +49,6 @@ pub enum Event {
         /// Its id.
         id: u8,
     },
-}
-
-/// Position and movement as they stand in a NAV-PVT (u-blox M8 receiver
-/// description, UBX-NAV-PVT), unchecked.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Fix {
-    /// `fixType`: 0 none, 1 dead reckoning, 2 2D, 3 3D, 4 both, 5 time only.
-    pub fix_type: u8,
-    /// `gnssFixOK`: within the receiver's own limits.
-    pub fix_ok: bool,
-    /// `numSV`: satellites used.
-    pub satellites: u8,
-    /// `lat`, in 10⁻⁷ degrees.
-    pub latitude_1e7_deg: i32,
-    /// `lon`, in 10⁻⁷ degrees.
-    pub longitude_1e7_deg: i32,
-    /// `hMSL`: height above mean sea level, in mm.
-    pub height_msl_mm: i32,
-    /// `hAcc`: horizontal accuracy, in mm.
-    pub horizontal_accuracy_mm: u32,
-    /// `vAcc`: vertical accuracy, in mm.
-    pub vertical_accuracy_mm: u32,
-    /// `gSpeed`: speed over ground, in mm/s.
-    pub ground_speed_mm_s: i32,
-    /// `headMot`: heading of motion, in 10⁻⁵ degrees.
-    pub heading_1e5_deg: i32,
-    /// `pDOP`, in hundredths.
-    pub pdop_1e2: u16,
 }
 
 /// `qErrInvalid` in the flags of a TIM-TP: `qErr` says nothing. The bit is younger than
@@ -145,7 +117,6 @@ pub(crate) fn parse(kind: Kind, frame: &[u8], arrival: Cycles) -> Option<Event> 
                     vertical_accuracy_mm: pvt.vertical_accuracy_raw(),
                     ground_speed_mm_s: pvt.ground_speed_2d_raw(),
                     heading_1e5_deg: pvt.heading_motion_raw(),
-                    pdop_1e2: pvt.pdop_raw(),
                 },
             })
         }

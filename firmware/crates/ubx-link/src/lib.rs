@@ -31,6 +31,7 @@ pub mod px4;
 pub mod session;
 mod window;
 
-pub use event::{Event, Fix};
+pub use event::Event;
 pub use link::{Link, LinkCounters};
 pub use session::{Action, Session, SessionCounters};
+pub use timebase::Fix;

@@ -14,6 +14,7 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use mavlink_node::NodeTime;
+use paper_clock::BaseTime;
 use timebase::Cycles;
 use ubx_link::{Fix, LinkCounters, SessionCounters};
 use utc_clock::{ClockState, Ppb, Published, Reading, Source};
@@ -67,10 +68,23 @@ pub enum ClockEvent {
     NotSaved(NotSaved),
 }
 
+/// What the paper's clock, which stands in for [`CLOCK`] in the paper's variants, was set to last.
+pub static BASE_TIME: Report<BaseTime> = Report::new();
+
 /// The clock at `when`.
 #[inline]
 pub fn reading_at(when: Cycles) -> Reading {
-    CLOCK.reading_at(seen(when))
+    read(seen(when))
+}
+
+/// The clock at a moment as [`seen`] by it.
+#[inline(always)]
+fn read(seen: Cycles) -> Reading {
+    if VARIANT.is_papers() {
+        BASE_TIME.get().unwrap_or_default().reading_at(seen)
+    } else {
+        CLOCK.reading_at(seen)
+    }
 }
 
 /// When something was that happened at `when`. In the paper's variants a moment is the last tick
@@ -88,7 +102,7 @@ fn seen(when: Cycles) -> Cycles {
 #[inline(never)]
 pub fn told_at(when: Cycles) -> (NodeTime, Reading) {
     let when = seen(when);
-    let reading = CLOCK.reading_at(when);
+    let reading = read(when);
     let time = NodeTime {
         boot_us: when.as_micros(),
         utc_ns: (reading.state != ClockState::Unset).then_some(reading.utc.0),

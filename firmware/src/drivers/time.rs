@@ -21,11 +21,9 @@ use cortex_m::peripheral::scb::SystemHandler;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{SCB, SYST};
 use critical_section::Mutex;
-use embassy_time::{Instant, Timer};
 use embassy_time_driver::Driver;
 use embassy_time_queue_utils::Queue;
 use stm32f4xx_hal::pac::TIM5;
-use timebase::sleep::wakes_at;
 use timebase::tick::{self, CounterPair, Word};
 use timebase::{CORE_HZ, Cycles, Stamp};
 
@@ -35,6 +33,9 @@ use crate::{board, priorities};
 /// How long bytes may wait in a ring before their task is woken, in cycles: 1 ms.
 const SERVICE: u32 = CORE_HZ / 1_000;
 
+/// From tick to tick, in cycles.
+pub const TICK_PERIOD: u32 = CORE_HZ / 1_000_000 * TICK_US;
+
 /// The timer that `board` starts beside SysTick, and SysTick itself.
 struct Registers;
 
@@ -43,7 +44,7 @@ static ALARM: AtomicU32 = AtomicU32::new(0);
 static STARTED: AtomicBool = AtomicBool::new(false);
 
 impl CounterPair for Registers {
-    const PERIOD: u32 = CORE_HZ / 1_000_000 * TICK_US;
+    const PERIOD: u32 = TICK_PERIOD;
     const RATIO: u32 = board::WITNESS_RATIO;
 
     #[inline(always)]
@@ -133,13 +134,6 @@ pub fn now() -> Cycles {
 /// The last tick: the time since boot in whole ticks, as NuttX has it.
 pub fn last_tick() -> Cycles {
     tick::last_tick(&Registers)
-}
-
-/// Sleeps for `us` µs in whole ticks, as NuttX does it.
-pub async fn sleep_in_ticks(us: u32) {
-    let wakes_at = wakes_at(last_tick(), us, Registers::PERIOD);
-    // A tick is a whole number of µs.
-    Timer::at(Instant::from_micros(wakes_at.as_micros())).await;
 }
 
 /// The low word of the time since boot, for interrupts.

@@ -12,11 +12,11 @@
 //! last look, up to a ms ago. What comes over the pulse's wire is not listened to.
 
 use embassy_futures::select::{Either, select};
-use embassy_time::Timer;
+use embassy_time::{Instant, Timer};
+use paper_clock::{Outcome, PaperClock, Wait, wakes_at};
 use timebase::Cycles;
-use ubx_link::px4::Wait;
 use ubx_link::{Event, Fix, Link};
-use utc_clock::{Outcome, PaperClock, Ppb};
+use utc_clock::Ppb;
 
 use super::configuration::Configuration;
 use super::gnss::{REPORT_EVERY, first_instant_after, tell};
@@ -24,7 +24,7 @@ use crate::drivers::pulse::EdgeCounters;
 use crate::drivers::time;
 use crate::drivers::uart::{Reader, Writer};
 use crate::settings::{GPS_BAUD, VARIANT, Variant};
-use crate::shared::{CLOCK, ClockEvent, GNSS, GnssReport};
+use crate::shared::{BASE_TIME, ClockEvent, GNSS, GnssReport};
 
 /// Between poll and read.
 const WAIT: Wait = match VARIANT {
@@ -38,7 +38,7 @@ pub async fn run(mut reader: Reader, mut writer: Writer) {
     let mut receiver = Receiver {
         link: Link::new(),
         configuration: Configuration::new(),
-        clock: PaperClock::new(&CLOCK),
+        clock: PaperClock::new(),
         fix: None,
     };
     let mut report_due = Cycles::BOOT;
@@ -57,7 +57,9 @@ pub async fn run(mut reader: Reader, mut writer: Writer) {
         if let Either::First(()) = select(reader.wait(), timer).await
             && let Some(us) = WAIT.before_read(reader.waiting())
         {
-            time::sleep_in_ticks(us).await;
+            let wakes_at = wakes_at(time::last_tick(), us, time::TICK_PERIOD);
+            // A tick is a whole number of µs.
+            Timer::at(Instant::from_micros(wakes_at.as_micros())).await;
         }
         receiver.read(&mut reader);
     }
@@ -67,7 +69,7 @@ pub async fn run(mut reader: Reader, mut writer: Writer) {
 struct Receiver {
     link: Link,
     configuration: Configuration,
-    clock: PaperClock<'static>,
+    clock: PaperClock,
     /// The last solution, and when it arrived.
     fix: Option<(Cycles, Fix)>,
 }
@@ -83,7 +85,9 @@ impl Receiver {
             self.configuration.handle_event(now, &event);
             if let Event::NavPvt { mark, fix } = event {
                 self.fix = Some((mark.arrival, fix));
-                if self.clock.handle_mark(&mark, time::last_tick()) == Outcome::Set {
+                let outcome = self.clock.handle_mark(&mark, time::last_tick());
+                BASE_TIME.tell(self.clock.base_time());
+                if outcome == Outcome::Set {
                     defmt::info!("the clock is set");
                     tell(ClockEvent::Set);
                 }

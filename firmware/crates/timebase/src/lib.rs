@@ -9,7 +9,7 @@
 //! repairs the ticks that were lost while interrupts were masked, with a second
 //! counter of the same clock (TIM5) as witness. [`cycles`] has the unit and its
 //! conversions. [`capture`] extends a 16-bit input capture to it. [`mark`] has what
-//! the receiver's line and its pulse tell the clock; [`sleep`] waits in whole ticks.
+//! the receiver's line and its pulse tell the clock.
 //! [`ClockState`] is whether a clock may be believed.
 //!
 //! *Limits.* Pure values and arithmetic: registers are reached through the
@@ -21,7 +21,6 @@ pub mod capture;
 pub mod cycles;
 mod fix;
 pub mod mark;
-pub mod sleep;
 mod state;
 pub mod tick;
 

@@ -9,7 +9,7 @@
 //! the crate `ublox` once. [`Session`] is the configuration: which bytes leave
 //! when, at which speed, and what to do without an answer. Both are state
 //! machines without I/O; time is an argument. `ublox` is not in the
-//! interface. [`px4`] is how another firmware waits for the bytes.
+//! interface.
 //!
 //! *Limits.* u-blox M8, protocol 15 to 23, over a UART. Only NAV-PVT, TIM-TP,
 //! ACK-ACK and ACK-NAK are understood; anything else on the line is scanned through.
@@ -27,7 +27,6 @@ mod event;
 mod fletcher;
 mod kind;
 pub mod link;
-pub mod px4;
 pub mod session;
 mod window;
 

@@ -9,7 +9,7 @@
 //! the clock is off, [`clock`] how it follows: it owns the time line, a chain of
 //! [`model`]s, each an affine map from cycles to UTC, with a uncertainty that grows as in
 //! [`holdover`]. [`published`] shares that line with readers of any priority, without
-//! a lock. [`paper`] is the clock of the boards that the paper measured, in place of all that.
+//! a lock.
 //! [`counters`] has the kinds of refusal and how often each occurred.
 //!
 //! ```text
@@ -41,7 +41,6 @@ pub mod gate;
 pub mod holdover;
 mod kalman;
 pub mod model;
-pub mod paper;
 pub mod published;
 pub mod pulse;
 pub mod utc;
@@ -50,7 +49,6 @@ pub use calendar::CalendarError;
 pub use clock::{Outcome, PulseOutcome, Settings, Source, UtcClock};
 pub use counters::{Counters, Refusal};
 pub use model::{ClockModel, Reading};
-pub use paper::PaperClock;
 pub use published::Published;
 pub use pulse::PulseRefusal;
 pub use timebase::ClockState;

@@ -32,8 +32,7 @@
 //!
 //! * One core: program order is what an interrupt sees, so a fence for the
 //!   compiler is enough.
-//! * One writer: a line belongs to one [`UtcClock`](crate::UtcClock), or to one
-//!   [`PaperClock`](crate::PaperClock), which keeps none of the promises about readings.
+//! * One writer: a line belongs to one [`UtcClock`](crate::UtcClock).
 //! * Fewer than 2³² publications while one reader is interrupted.
 //! * A model is out before it begins: [`LEAD`](crate::clock::LEAD).
 //! * No more than two are still to begin: the clock refuses what would make a third

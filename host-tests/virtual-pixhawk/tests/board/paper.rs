@@ -8,8 +8,8 @@ use std::collections::BTreeSet;
 
 use console::{Status, Variant};
 use mavlink_node::Version;
+use paper_clock::wakes_at;
 use timebase::Cycles;
-use timebase::sleep::wakes_at;
 use utc_clock::ClockState;
 use virtual_pixhawk::{Builder, Connector, Firmware, Logged, Pixhawk, Script};
 use world::{Latency, Receiver, ReceiverSettings, Stall, WorldNanos};

@@ -1,7 +1,5 @@
 //! A sleep in whole ticks, as NuttX has it.
 //!
-//! *Purpose.* The paper's variants wait as PX4 1.9 did, and so their waits depend on the tick.
-//!
 //! *Design.* `usleep` rounds the time up to whole ticks (NuttX 7,
 //! `sched/signal/sig_timedwait.c`) and the watchdog that ends the wait counts one more
 //! (`sched/wdog/wd_start.c`), since the next tick may come at once: a sleep ends with a tick, and
@@ -9,15 +7,16 @@
 //!
 //! *Limits.* What the task does after it has been woken is not part of it.
 
-use crate::Cycles;
-use crate::cycles::CYCLES_PER_US;
+use timebase::{CORE_HZ, Cycles};
 
-/// The tick that ends a sleep of `us` µs which begins after `last_tick` and before the next
-/// one; ticks are `period` cycles apart, and `last_tick` is one.
+/// The tick that ends a sleep of `us` µs which begins between `last_tick` and the next tick.
+///
+/// `last_tick` is the time of a tick; `period` is from tick to tick, in cycles and more than 0.
 #[must_use]
 pub const fn wakes_at(last_tick: Cycles, us: u32, period: u32) -> Cycles {
     let period = period as u64;
-    let ticks = (us as u64 * CYCLES_PER_US).div_ceil(period) + 1;
+    let cycles = us as u64 * (CORE_HZ / 1_000_000) as u64;
+    let ticks = cycles.div_ceil(period) + 1;
     last_tick.plus(ticks * period)
 }
 

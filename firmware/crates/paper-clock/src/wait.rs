@@ -1,38 +1,35 @@
 //! How PX4 1.9 waits for the bytes that it reads.
 //!
-//! *Purpose.* The paper's variants read the receiver's line as the paper's boards did; this says
-//! how long they wait between seeing the first bytes and reading them.
-//!
-//! *Design.* PX4 polls the line, and sleeps before it reads when fewer than [`CHARACTERS`] bytes
-//! are there, for as long as that many take at the line's rate
+//! *Design.* PX4 polls the line. When it then finds fewer than [`CHARACTERS`] bytes, it sleeps before
+//! it reads, for the time that [`CHARACTERS`] bytes take at the line's rate
 //! (`src/drivers/gps/gps.cpp`, `pollOrRead`). The paper's step I puts a constant wait there.
 //!
-//! *Limits.* Its authors give the constant and not their line of code: it is read as a wait that
-//! depends neither on the rate nor on what is there. (A poll returns with a line's first bytes, so
-//! that fewer than the threshold are there nearly always.) A poll gives up after 50 ms and a
-//! read takes 150 bytes at most; since PX4 then polls again, neither changes when a frame of
-//! 100 bytes is read, and neither is here.
+//! *Limits.* The paper gives the constant and not its line of code; here it depends neither on the
+//! rate nor on the bytes that are there. (A poll returns with the first bytes of a message, so that
+//! there are nearly always fewer than the threshold.) PX4's poll ends after 50 ms and its read
+//! after 150 bytes. Neither is here, because PX4 then polls again: the time at which a frame of
+//! 100 bytes is read does not change.
 
-/// PX4 wants to read so many bytes at once.
+/// The number of bytes that PX4 wants to read at once.
 pub const CHARACTERS: usize = 32;
 
-/// The paper's constant wait, in µs (Shim, Joo, Kim 2021, step I).
+/// The paper's constant wait (Shim, Joo, Kim 2021, step I). [µs]
 const CONSTANT_US: u32 = 5_000;
 
 /// The wait between a poll and its read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wait {
-    /// PX4's own, on a line of so many baud.
+    /// PX4's own.
     ForCharacters {
-        /// The line's rate.
+        /// The line's rate. [Bd]
         baud: u32,
     },
-    /// The paper's.
+    /// The paper's: 5 ms.
     Constant,
 }
 
 impl Wait {
-    /// How long to sleep before a read, in µs, when so many bytes are there; `None` is not at all.
+    /// The sleep before a read when `bytes_there` bytes wait; `None` is no sleep. [µs]
     #[must_use]
     pub const fn before_read(self, bytes_there: usize) -> Option<u32> {
         match self {

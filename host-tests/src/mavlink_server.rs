@@ -135,6 +135,7 @@ fn converse(mut stream: TcpStream, mut behaviour: Behaviour) -> io::Result<()> {
         };
         if boot.elapsed() >= next_second && !is_silent {
             next_second += Duration::from_secs(1);
+            node.handle_timeout(Cycles::from_nanos(boot.elapsed().as_nanos() as u64));
             let now = time(clock, boot.elapsed());
             stream.write_all(&node.heartbeat(now))?;
             stream.write_all(&node.system_time(now))?;

@@ -12,8 +12,9 @@ mod mavlink_frames;
 mod mavlink_line;
 
 use mavlink_frames::{Frame, SIGNED};
-use mavlink_line::{GROUND, ask, feed, heard};
+use mavlink_line::{BYTE, GROUND, ask, feed, heard};
 use mavlink_node::client::{Client, Message};
+use mavlink_node::node::IDLE;
 use mavlink_node::{
     Command, Config, Fix, Node, NodeTime, PingReply, Refusal, RequestKind, Severity, Version,
 };
@@ -105,6 +106,50 @@ fn bytes_may_come_while_a_queue_is_emptied() {
             .filter_map(|&byte| node.push(StampedByte { stamp, byte }, now));
         let request = requests.next().expect("a request");
         assert_eq!(request.arrival, now.plus(after));
+    }
+}
+
+#[test]
+fn what_is_sent_each_second_leaves_an_arriving_frame_alone() {
+    let mut node = node();
+    let ping = Frame::ping(true, 3, 0).bytes();
+    let (head, tail) = ping.split_at(12);
+    assert_eq!(feed(&mut node, 0, head), []);
+    for _ in 0..3 {
+        node.heartbeat(TIME);
+        node.system_time(TIME);
+        node.gps_raw_int(TIME, None);
+    }
+    assert_eq!(feed(&mut node, u64::from(BYTE) * 12, tail).len(), 1);
+    assert_eq!(node.counters().framing.abandoned, 0);
+}
+
+#[test]
+fn a_frame_that_breaks_off_is_given_up_after_its_timeout() {
+    let ping = Frame::ping(true, 3, 0).bytes();
+    let (head, tail) = ping.split_at(12);
+    // Around wraps of the stamps, too.
+    for start in [1 << 40, (1 << 32) - 1_000, (3 << 32) - IDLE / 2] {
+        let mut node = node();
+        let last = Cycles(start + 11 * u64::from(BYTE));
+        assert_eq!(node.poll_timeout(last), None);
+        assert_eq!(feed(&mut node, start, head), []);
+        let due = last.plus(IDLE);
+        // The same whenever it is asked, be it before the last byte was stamped.
+        for now in [start, last.0, due.0, due.plus(20 * IDLE).0] {
+            assert_eq!(node.poll_timeout(Cycles(now)), Some(due));
+        }
+        node.handle_timeout(Cycles(due.0 - 1));
+        assert_eq!(feed(&mut node, due.0 - 1, tail).len(), 1, "not silent yet");
+
+        let again = due.plus(IDLE);
+        assert_eq!(feed(&mut node, again.0, head), []);
+        let due = node.poll_timeout(again).expect("a timeout");
+        node.handle_timeout(due);
+        assert_eq!(node.counters().framing.abandoned, 1);
+        assert_eq!(node.poll_timeout(due), None, "nothing is waited for");
+        assert_eq!(feed(&mut node, due.0, tail), [], "its rest is no frame");
+        assert_eq!(feed(&mut node, due.0 + IDLE, &ping).len(), 1);
     }
 }
 

@@ -129,6 +129,8 @@ fn record(ping_us: u64, sequence: u32, board_ns: i64, reading: Reading) {
 #[inline(never)]
 fn once_a_second(node: &mut Node, writer: &mut Writer) {
     let now = time::now();
+    // Once a second is soon enough, and spares a timer at every burst of bytes.
+    node.handle_timeout(now);
     let node_time = shared::node_time(now);
     writer.send(&node.heartbeat(node_time));
     writer.send(&node.system_time(node_time));

@@ -17,7 +17,7 @@ pub const GROUND: Address = Address {
 };
 
 /// Cycles from a byte to the next at 115200 baud.
-const BYTE: u32 = 14_583;
+pub const BYTE: u32 = 14_583;
 
 /// Feeds bytes at line rate, the first one at `at`; each is handed over 300 µs late.
 pub fn feed(node: &mut Node, at: u64, bytes: &[u8]) -> Vec<Request> {

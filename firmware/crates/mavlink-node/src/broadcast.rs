@@ -58,11 +58,8 @@ fn gps_raw_int(fix: &Fix) -> GPS_RAW_INT_DATA {
 const MAVLINK_VERSION: u8 = 3;
 
 impl Node {
-    /// HEARTBEAT: active once the clock is set, starting up before. To be sent once a
-    /// second; it is also the moment at which a frame is given up whose line has
-    /// been silent since the last one (no host pauses that long inside a frame).
+    /// HEARTBEAT: active once the clock is set, starting up before. To be sent once a second.
     pub fn heartbeat(&mut self, time: NodeTime) -> Frame {
-        self.give_up_if_silent();
         let heartbeat = HEARTBEAT_DATA {
             custom_mode: 0,
             mavtype: MavType::MAV_TYPE_GENERIC,

@@ -211,8 +211,8 @@ pub struct Framer<W, const PAYLOAD: usize = MAX_PAYLOAD, const RING: usize = 128
     last: u8,
     /// The first position after the last frame that was found.
     free_from: u32,
-    /// The position when silence was last looked for.
-    silent_since: u32,
+    /// The position at which what had begun was last given up.
+    given_up_at: u32,
     framed_bytes: u32,
     counters: FramingCounters,
     wanted: PhantomData<W>,
@@ -322,7 +322,7 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Framer<W, PAYLOAD, RING
             free_from: 0,
             crc: crc::INIT,
             last: 0,
-            silent_since: 0,
+            given_up_at: 0,
             framed_bytes: 0,
             counters: FramingCounters::ZERO,
             wanted: PhantomData,
@@ -472,14 +472,20 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Framer<W, PAYLOAD, RING
         end.word.0 |= Word::END;
     }
 
-    /// To be called about once a second: gives up what has begun, if no byte has
-    /// come since the last call. Without it, a frame that goes on after 25 s would
-    /// be stamped wrongly.
-    pub fn give_up_if_silent(&mut self) {
-        if self.silent_since != self.position {
-            self.silent_since = self.position;
-            return;
+    /// When the last byte arrived; `None` if nothing can have begun, because no byte has come
+    /// since [`Self::give_up`].
+    #[must_use]
+    pub const fn newest(&self) -> Option<Stamp> {
+        if self.position == self.given_up_at {
+            return None;
         }
+        Some(Stamp(self.cells.at(self.position.wrapping_sub(1)).first))
+    }
+
+    /// Gives up what has begun. To be called when the line has been silent: a frame that
+    /// went on later than a stamp lasts would carry a wrong time.
+    pub fn give_up(&mut self) {
+        self.given_up_at = self.position;
         for ahead in 0..Self::MAX_LENGTH as u32 {
             let word = &mut self.cells.at_mut(self.position.wrapping_add(ahead)).word;
             if word.is_due(Word::END) {

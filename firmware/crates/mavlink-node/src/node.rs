@@ -99,6 +99,10 @@ pub struct Counters {
 #[derive(Debug)]
 pub struct Requests;
 
+/// A line that has been silent for so long is between frames: no host pauses for that long inside
+/// one. 1 s. [cycles]
+pub const IDLE: u64 = CORE_HZ as u64;
+
 /// How much later than `now` a byte may be stamped, in cycles: 1 s.
 const AFTER_NOW: u64 = CORE_HZ as u64;
 
@@ -191,9 +195,21 @@ impl Node {
         }
     }
 
-    /// HEARTBEAT's other duty, see [`Framer::give_up_if_silent`].
-    pub(crate) fn give_up_if_silent(&mut self) {
-        self.framer.give_up_if_silent();
+    /// When to call [`Self::handle_timeout`] if no byte comes before; `None` while no frame can
+    /// have begun. `now` as for [`Self::push`].
+    #[must_use]
+    pub fn poll_timeout(&self, now: Cycles) -> Option<Cycles> {
+        let newest = self.framer.newest()?.extend(now.plus(AFTER_NOW));
+        Some(newest.plus(IDLE))
+    }
+
+    /// Gives up a frame that has begun, if the line has been silent for [`IDLE`]; else does
+    /// nothing. A caller may be late, but not by more than 20 s: the stamps of what has begun
+    /// last no longer.
+    pub fn handle_timeout(&mut self, now: Cycles) {
+        if self.poll_timeout(now).is_some_and(|due| now >= due) {
+            self.framer.give_up();
+        }
     }
 
     /// Takes a byte that was stamped at most 24 s before `now`, or up to 1 s after it

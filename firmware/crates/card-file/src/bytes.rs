@@ -1,6 +1,6 @@
 //! Numbers in a block, least byte first; 0 beyond its end.
 
-use crate::BLOCK;
+use crate::disk::BLOCK;
 
 /// Two bytes.
 pub(crate) fn half(block: &[u8; BLOCK], at: usize) -> u32 {

@@ -9,6 +9,48 @@
 //!
 //! *Limits.* A card that goes while it is written has an empty file of that name, and blocks that a
 //! check of its file system gives back. A directory that is damaged already may lose files.
+//!
+//! ```
+//! use card_file::{BLOCK, Disk, DiskError, NotSaved, save};
+//!
+//! /// A card in memory.
+//! struct Image(Vec<[u8; BLOCK]>);
+//!
+//! impl Disk for Image {
+//!     fn read(&mut self, number: u32, block: &mut [u8; BLOCK]) -> Result<(), DiskError> {
+//!         *block = *self.0.get(number as usize).ok_or(DiskError::Beyond)?;
+//!         Ok(())
+//!     }
+//!
+//!     fn write(&mut self, number: u32, block: &[u8; BLOCK]) -> Result<(), DiskError> {
+//!         *self.0.get_mut(number as usize).ok_or(DiskError::Beyond)? = *block;
+//!         Ok(())
+//!     }
+//!
+//!     fn blocks(&self) -> u32 {
+//!         self.0.len() as u32
+//!     }
+//! }
+//!
+//! let formatted = fat_image::formatted(fat_image::Kind::Fat16);
+//! let mut card = Image(formatted.as_chunks().0.to_vec());
+//! let contents = b"time,uncertainty\n";
+//! // Called with growing offsets until the whole file is there.
+//! let mut read = |offset: u32, block: &mut [u8]| {
+//!     let rest = &contents[offset as usize..];
+//!     let len = rest.len().min(block.len());
+//!     block[..len].copy_from_slice(&rest[..len]);
+//!     len
+//! };
+//! // The first file is TEST0001.CSV, and no name is given twice.
+//! assert_eq!(save(&mut card, contents.len() as u32, &mut read, None), Ok(1));
+//! assert_eq!(save(&mut card, contents.len() as u32, &mut read, None), Ok(2));
+//!
+//! // A card that was never formatted is left as it is.
+//! let mut empty = Image(vec![[0; BLOCK]; 4_096]);
+//! let refused = save(&mut empty, 100, &mut read, None);
+//! assert_eq!(refused, Err(NotSaved::NotFat));
+//! ```
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(
@@ -19,8 +61,10 @@
 )]
 
 mod bytes;
+mod disk;
 mod medium;
 mod name;
+mod not_saved;
 mod volume;
 
 use core::ops::ControlFlow;
@@ -28,101 +72,11 @@ use core::ops::ControlFlow;
 use embedded_sdmmc::{Mode, TimeSource, Timestamp, VolumeIdx, VolumeManager};
 use timebase::CivilTime;
 
-use self::medium::{Failure, Medium};
-use self::volume::{NoVolume, Volume};
+pub use self::disk::{BLOCK, Disk, DiskError};
+pub use self::not_saved::NotSaved;
 
-/// Bytes of a block.
-pub const BLOCK: usize = 512;
-
-/// Why a disk did not give or take a block.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DiskError {
-    /// It does not answer any more, or is another one.
-    Gone,
-    /// It may not be written.
-    WriteProtected,
-    /// It has no such block.
-    Beyond,
-    /// Anything else.
-    Failed,
-}
-
-/// Blocks of 512 bytes, by number.
-pub trait Disk {
-    /// Reads a block.
-    ///
-    /// # Errors
-    ///
-    /// Why it cannot be had.
-    fn read(&mut self, number: u32, block: &mut [u8; BLOCK]) -> Result<(), DiskError>;
-
-    /// Writes a block; it stays when this returns.
-    ///
-    /// # Errors
-    ///
-    /// Why it was not taken.
-    fn write(&mut self, number: u32, block: &[u8; BLOCK]) -> Result<(), DiskError>;
-
-    /// How many it has.
-    fn blocks(&self) -> u32;
-}
-
-/// Why there is no file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NotSaved {
-    /// There is no FAT16 or FAT32 volume in the first partition, or a damaged one.
-    NotFat,
-    /// The card may not be written.
-    WriteProtected,
-    /// It has no room, or no number, for the file.
-    Full,
-    /// It is gone, or another one has been put in.
-    Gone,
-    /// It fails.
-    Failed,
-    /// The contents came to an early end.
-    Short,
-}
-
-impl From<DiskError> for NotSaved {
-    fn from(error: DiskError) -> Self {
-        match error {
-            DiskError::Gone => Self::Gone,
-            DiskError::WriteProtected => Self::WriteProtected,
-            DiskError::Beyond => Self::NotFat,
-            DiskError::Failed => Self::Failed,
-        }
-    }
-}
-
-impl From<Failure> for NotSaved {
-    fn from(failure: Failure) -> Self {
-        match failure {
-            Failure::Disk(error) => error.into(),
-            Failure::Damaged => Self::NotFat,
-        }
-    }
-}
-
-impl From<NoVolume> for NotSaved {
-    fn from(error: NoVolume) -> Self {
-        match error {
-            NoVolume::Disk(error) => error.into(),
-            NoVolume::NotFat => Self::NotFat,
-        }
-    }
-}
-
-impl From<embedded_sdmmc::Error<Failure>> for NotSaved {
-    fn from(error: embedded_sdmmc::Error<Failure>) -> Self {
-        use embedded_sdmmc::Error;
-        match error {
-            Error::DeviceError(failure) => failure.into(),
-            Error::DiskFull | Error::NotEnoughSpace => Self::Full,
-            _ => Self::NotFat,
-        }
-    }
-}
+use self::medium::Medium;
+use self::volume::Volume;
 
 /// Writes a new file of `len` bytes; the number in its name. `read` gives the file's bytes from an
 /// offset on, as many as there is room for; `written` is the file's time, in UTC.

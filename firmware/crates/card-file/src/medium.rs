@@ -10,8 +10,8 @@ use core::fmt;
 
 use embedded_sdmmc::{Block, BlockCount, BlockDevice, BlockIdx};
 
+use crate::disk::{Disk, DiskError};
 use crate::volume::Volume;
-use crate::{Disk, DiskError};
 
 /// So many blocks may be read and written for one file: 16 times what 8 192 samples take with the
 /// smallest clusters.
@@ -27,9 +27,11 @@ pub(crate) enum Failure {
 }
 
 impl fmt::Display for Failure {
-    fn fmt(&self, _: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // Nobody prints it; the trait asks for it.
-        Ok(())
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Disk(error) => error.fmt(f),
+            Self::Damaged => f.pad("the file system is damaged"),
+        }
     }
 }
 

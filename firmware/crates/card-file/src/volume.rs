@@ -13,7 +13,7 @@
 //! formats them; no FAT12, no exFAT. Directories and chains are not looked into.
 
 use crate::bytes::{byte, half, word};
-use crate::{BLOCK, Disk, DiskError};
+use crate::disk::{BLOCK, Disk, DiskError};
 
 /// Why there is no volume, or no room.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -123,6 +123,7 @@ fn text(seeds: &Range<u64>, told: &Campaign, untold: &Campaign) -> String {
     );
     if !told.misleading.is_empty() {
         text += &format!("  seeds {}\n", listed(&told.misleading));
+        text += &format!("  with {}\n", kinds(told));
     }
     text += "while nothing was wrong and had not been for long:\n";
     for (name, availability) in [
@@ -141,7 +142,16 @@ fn text(seeds: &Range<u64>, told: &Campaign, untold: &Campaign) -> String {
         untold.misleading.len(),
         untold.schedules
     );
+    text += &format!("  with {}\n", kinds(untold));
     text
+}
+
+/// Which kinds of fault those had that misled.
+fn kinds(campaign: &Campaign) -> String {
+    let kinds = campaign.misled_by.iter();
+    let kinds = kinds.filter(|(_, misled)| misled.good > 0);
+    let kinds = kinds.map(|(kind, misled)| format!("{kind} {} of {}", misled.good, misled.of));
+    kinds.collect::<Vec<_>>().join(", ")
 }
 
 /// The first of them.
@@ -170,6 +180,14 @@ fn value(seeds: &Range<u64>, told: &Campaign, untold: &Campaign) -> Value {
         "untellable": {
             "schedules": untold.schedules,
             "misleading": untold.misleading.len(),
+            "kinds": untold
+                .misled_by
+                .iter()
+                .map(|(kind, misled)| {
+                    let value = json!({ "schedules": misled.of, "misleading": misled.good });
+                    ((*kind).to_owned(), value)
+                })
+                .collect::<serde_json::Map<_, _>>(),
         },
     })
 }

@@ -16,7 +16,7 @@
 //!
 //! *Limits.* What nothing on the board can tell is judged apart.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::{AddAssign, Range};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -36,6 +36,9 @@ pub const JUDGING: Range<u64> = 1_000_000..1_002_000;
 pub const CHECKED: Range<u64> = 2_000_000..2_000_200;
 /// Of so many schedules that can be told there is one that cannot.
 pub const TELLABLE_PER_UNTELLABLE: u64 = 10;
+
+/// A schedule without faults has a receiver with a latency that no clock allows for.
+const NO_FAULT: &str = "long latency";
 
 /// The word for a followed pulse, as the player says it.
 const PULSE: &str = "pulse";
@@ -243,6 +246,8 @@ pub struct Campaign {
     pub schedules: u64,
     /// Those that misled, by their seeds, in order.
     pub misleading: Vec<u64>,
+    /// For each kind of fault the schedules that misled, of those that had it.
+    pub misled_by: BTreeMap<&'static str, Share>,
     /// With a pulse.
     pub with_pulse: Availability,
     /// Without one.
@@ -263,8 +268,17 @@ impl Campaign {
     fn take(&mut self, played: Played, worst: usize) {
         self.schedules += 1;
         self.lasted_s += played.schedule.lasts_s;
-        if played.tally.is_misleading() {
+        let is_misleading = played.tally.is_misleading();
+        if is_misleading {
             self.misleading.push(played.schedule.seed);
+        }
+        let faults = played.schedule.faults.iter();
+        let mut kinds: BTreeSet<_> = faults.map(|fault| fault.kind.name()).collect();
+        if kinds.is_empty() {
+            kinds.insert(NO_FAULT);
+        }
+        for kind in kinds {
+            self.misled_by.entry(kind).or_default().count(is_misleading);
         }
         if played.schedule.receiver.has_pulse {
             self.with_pulse += played.availability;

@@ -11,21 +11,21 @@ fn file(name: &str) -> String {
     let path: PathBuf = [env!("CARGO_MANIFEST_DIR"), "tests", "judged", name]
         .iter()
         .collect();
-    std::fs::read_to_string(path).unwrap()
+    std::fs::read_to_string(path).expect("a file of the test")
 }
 
 /// `us,utc_ns,uncertainty_ns,state` as a reading.
 fn reading(line: &str) -> Reading {
     let columns: Vec<&str> = line.split(',').collect();
-    let us: f64 = columns[0].parse().unwrap();
+    let us: f64 = columns[0].parse().expect("µs");
     let at = WorldPicos((us * 1e6).round() as i64);
     if columns[3] == UNSET {
         return Reading::unset(at, "nothing");
     }
     Reading {
         at,
-        utc_ns: Some(columns[1].parse().unwrap()),
-        uncertainty_ns: Some(columns[2].parse().unwrap()),
+        utc_ns: Some(columns[1].parse().expect("ns")),
+        uncertainty_ns: Some(columns[2].parse().expect("ns")),
         state: "set",
         source: "nothing",
     }

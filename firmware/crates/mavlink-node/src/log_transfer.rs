@@ -11,9 +11,9 @@
 //! *Limits.* There is one log, number 1, and it is listed even when it is empty.
 
 use mavlink::dialects::common::{LOG_DATA_DATA, LOG_ENTRY_DATA};
+use timebase::divide;
 
 use crate::frame::{Frame, Sender, Version};
-use crate::node_time::per_thousand;
 
 /// Bytes of a log in one LOG_DATA.
 pub const LOG_DATA_LEN: usize = 90;
@@ -106,7 +106,7 @@ impl LogTransfer {
 fn entry(log: &impl LogFile) -> LOG_ENTRY_DATA {
     let began_ns = u64::try_from(log.log_began_ns().unwrap_or(0)).unwrap_or(0);
     LOG_ENTRY_DATA {
-        time_utc: per_thousand(per_thousand(per_thousand(began_ns))) as u32,
+        time_utc: divide::<1_000_000_000>(began_ns) as u32,
         size: log.log_len(),
         id: LOG_ID,
         num_logs: LOG_ID,

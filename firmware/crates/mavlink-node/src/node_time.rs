@@ -6,6 +6,8 @@
 //!
 //! *Limits.* UTC before 1970 is told as 0 µs.
 
+use timebase::divide;
+
 /// The node's time at one moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NodeTime {
@@ -19,7 +21,7 @@ impl NodeTime {
     /// UTC in µs; 0 until the clock is set.
     #[must_use]
     pub fn utc_us(self) -> u64 {
-        per_thousand(u64::try_from(self.utc_ns.unwrap_or(0)).unwrap_or(0))
+        divide::<1_000>(u64::try_from(self.utc_ns.unwrap_or(0)).unwrap_or(0))
     }
 
     /// UTC in µs; since boot until the clock is set.
@@ -45,18 +47,6 @@ impl NodeTime {
     /// Time since boot, in ms, modulo 2^32.
     #[must_use]
     pub fn boot_ms(self) -> u32 {
-        per_thousand(self.boot_us) as u32
+        divide::<1_000>(self.boot_us) as u32
     }
-}
-
-/// A thousandth, rounded down: long division by digits of 16 bits, because a
-/// division of 64 bits is a library call of hundreds of instructions here.
-pub(crate) fn per_thousand(n: u64) -> u64 {
-    let (mut quotient, mut rest) = (0, 0);
-    for shift in [48, 32, 16, 0] {
-        let part = (rest << 16) | ((n >> shift) as u32 & 0xffff);
-        quotient = (quotient << 16) | u64::from(part / 1_000);
-        rest = part % 1_000;
-    }
-    quotient
 }

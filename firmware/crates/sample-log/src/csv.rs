@@ -6,6 +6,8 @@
 //!
 //! *Limits.* A time before 1970 is told as 0. Lines end as RFC 4180 has it.
 
+use timebase::divide;
+
 use crate::Sample;
 
 /// Bytes of a line, the header included.
@@ -94,12 +96,14 @@ fn write<'a>(line: &'a mut [u8], text: &[u8]) -> &'a mut [u8] {
 
 /// Writes the last `count` digits of a number at the end of `line`; what is before them.
 fn digits(line: &mut [u8], count: usize, mut number: u64) -> &mut [u8] {
-    /// So many digits fit a word, in which a division is one instruction.
+    /// Digits of a word, in which a division is one instruction.
     const AT_ONCE: usize = 9;
+    const BEYOND: u64 = 10_u64.pow(AT_ONCE as u32);
     let (free, place) = line.split_at_mut(line.len().saturating_sub(count));
     for some in place.rchunks_mut(AT_ONCE) {
-        let mut part = (number % 1_000_000_000) as u32;
-        number /= 1_000_000_000;
+        let quotient = divide::<BEYOND>(number);
+        let mut part = (number - quotient * BEYOND) as u32;
+        number = quotient;
         for digit in some.iter_mut().rev() {
             *digit = b'0' + (part % 10) as u8;
             part /= 10;

@@ -11,6 +11,8 @@
 //! *Limits.* The figures assume a core clock of exactly [`CORE_HZ`]; what the
 //! crystal really does is for the discipline of the UTC clock to find out.
 
+use crate::division::divide;
+
 /// The core clock of the Pixhawk 1, in Hz: 24 MHz crystal, PLL M = 24, N = 336,
 /// P = 2 (PX4 `boards/px4/fmu-v2`, `board.h`).
 pub const CORE_HZ: u32 = 168_000_000;
@@ -30,10 +32,7 @@ impl Cycles {
     #[must_use]
     #[inline]
     pub const fn as_micros(self) -> u64 {
-        // floor(n / 21) is the upper part of n · ceil(2^68 / 21): exact for every
-        // n below 2^63, because the multiplier is less than 21 / 2^68 too large.
-        const RECIPROCAL: u64 = ((1_u128 << 68) / 21 + 1) as u64;
-        multiply_high(self.0 >> 3, RECIPROCAL) >> 4
+        divide::<CYCLES_PER_US>(self.0)
     }
 
     /// ns since boot, rounded down; stops at `u64::MAX` after 584 years.
@@ -113,18 +112,6 @@ pub struct StampedByte {
     pub stamp: Stamp,
     /// The byte.
     pub byte: u8,
-}
-
-/// The upper 64 bits of a 128-bit product, in four 32 × 32 multiplications: what
-/// a division by a constant becomes.
-#[must_use]
-pub const fn multiply_high(a: u64, b: u64) -> u64 {
-    let (a_low, a_high) = (a & 0xffff_ffff, a >> 32);
-    let (b_low, b_high) = (b & 0xffff_ffff, b >> 32);
-    let low = a_low * b_low;
-    let middle = a_high * b_low + (low >> 32);
-    let middle_low = a_low * b_high + (middle & 0xffff_ffff);
-    a_high * b_high + (middle >> 32) + (middle_low >> 32)
 }
 
 #[cfg(test)]

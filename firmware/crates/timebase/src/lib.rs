@@ -16,15 +16,23 @@
 //! trait [`tick::CounterPair`], which the firmware's time driver implements.
 #![no_std]
 #![forbid(unsafe_code)]
+#![deny(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing
+)]
 
 pub mod capture;
 pub mod cycles;
+mod division;
 mod fix;
 pub mod mark;
 mod state;
 pub mod tick;
 
 pub use cycles::{CORE_HZ, Cycles, Stamp, StampedByte};
+pub use division::divide;
 pub use fix::Fix;
 pub use mark::{CivilTime, PulseForecast, PulseMark, TimeMark, Validity};
 pub use state::ClockState;

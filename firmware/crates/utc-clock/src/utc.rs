@@ -9,7 +9,7 @@
 
 use core::fmt;
 
-use timebase::cycles::multiply_high;
+use timebase::divide;
 
 use crate::calendar;
 
@@ -42,13 +42,11 @@ impl UtcNanos {
     #[must_use]
     #[inline]
     pub const fn as_micros(self) -> u64 {
-        // As in `Cycles::as_micros`: floor(n / 125) is the upper part of
-        // n · ceil(2^68 / 125), exact below 2^63.
-        const RECIPROCAL: u64 = ((1_u128 << 68) / 125 + 1) as u64;
-        if self.0 < 0 {
-            return 0;
-        }
-        multiply_high(self.0.cast_unsigned() >> 3, RECIPROCAL) >> 4
+        divide::<1_000>(if self.0 < 0 {
+            0
+        } else {
+            self.0.cast_unsigned()
+        })
     }
 }
 

@@ -9,113 +9,75 @@ use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::{env, fs};
 
-/// How the clock is kept, with the settings that it allows; the first of each list is
-/// its default.
-struct Variant {
-    /// What `PIXCLOCK_VARIANT` says.
-    name: &'static str,
-    /// What `settings::Variant` says.
-    variant: &'static str,
-    /// Tick intervals in µs: those of Shim, Joo, Kim 2021, table 3.
-    ticks_us: &'static [&'static str],
-    /// Rates of the receiver's line.
-    gps_bauds: &'static [&'static str],
-    /// The most that the latency may be corrected by, in µs.
-    latency_us: u32,
-}
+use variant::Variant;
 
-/// The paper's are PX4's rates: the one that it fixed, and a Here+'s own.
-const PAPERS_BAUDS: &[&str] = &["115200", "38400"];
-
-/// The first is the default.
-const VARIANTS: [Variant; 4] = [
-    Variant {
-        name: "pixclock",
-        variant: "Pixclock",
-        ticks_us: &["50", "200", "500", "1000"],
-        gps_bauds: &["115200"],
-        latency_us: 500_000,
-    },
-    Variant {
-        name: "paper-default",
-        variant: "PaperDefault",
-        ticks_us: &["1000"],
-        gps_bauds: PAPERS_BAUDS,
-        latency_us: 0,
-    },
-    Variant {
-        name: "paper-step1",
-        variant: "PaperStep1",
-        ticks_us: &["1000"],
-        gps_bauds: PAPERS_BAUDS,
-        latency_us: 0,
-    },
-    Variant {
-        name: "paper-step2",
-        variant: "PaperStep2",
-        ticks_us: &["50", "200", "500"],
-        gps_bauds: PAPERS_BAUDS,
-        latency_us: 0,
-    },
-];
-/// How a PING is answered: with the board's time, or as the MAVLink guide's echo.
+/// How a PING is answered: with the board's time (the default), or as the MAVLink guide's echo.
 const PINGS: [&str; 2] = ["rtos", "echo"];
 
+/// Settings that have another name now, and that name.
+const RENAMED: [(&str, &str); 1] = [("PIXCLOCK_WAY", "PIXCLOCK_VARIANT")];
+
 fn main() {
+    refuse_old_names();
     let mut settings = String::new();
     let name = choice(
         "PIXCLOCK_VARIANT",
-        &VARIANTS.map(|variant| variant.name),
+        Variant::STANDARD.name(),
+        Variant::NAMES,
         "",
     );
-    let variant = VARIANTS
-        .iter()
-        .find(|variant| variant.name == name)
-        .unwrap_or(&VARIANTS[0]);
+    let variant = Variant::named(&name).expect("it is one of the names");
     let with_variant = format!(" with PIXCLOCK_VARIANT={name}");
+    let tick_us = choice(
+        "PIXCLOCK_TICK_US",
+        variant.tick_us(),
+        variant.ticks_us(),
+        &with_variant,
+    );
+    let variant = variant
+        .with_tick_us(tick_us)
+        .expect("it is one of the ticks");
     constant(
         &mut settings,
-        "How the clock is kept (`PIXCLOCK_VARIANT`).",
-        &format!("VARIANT: Variant = Variant::{}", variant.variant),
+        "How the clock is kept, and the tick (`PIXCLOCK_VARIANT`, `PIXCLOCK_TICK_US`).",
+        &format!("VARIANT: Variant = Variant::{variant:?}"),
+    );
+    let [default, ..] = *variant.gps_bauds() else {
+        panic!("{variant} has no baud rate");
+    };
+    let gps_baud: u32 = choice(
+        "PIXCLOCK_GPS_BAUD",
+        default,
+        variant.gps_bauds().iter().copied(),
+        &with_variant,
     );
     constant(
         &mut settings,
-        "Its name.",
-        &format!("VARIANT_NAME: &str = \"{name}\""),
-    );
-    let tick_us = choice("PIXCLOCK_TICK_US", variant.ticks_us, &with_variant);
-    constant(
-        &mut settings,
-        "From one tick to the next, in µs (`PIXCLOCK_TICK_US`).",
-        &format!("TICK_US: u32 = {tick_us}"),
-    );
-    let gps_baud = choice("PIXCLOCK_GPS_BAUD", variant.gps_bauds, &with_variant);
-    constant(
-        &mut settings,
-        "The rate of the receiver's line, in Bd (`PIXCLOCK_GPS_BAUD`).",
+        "The rate of the receiver's line (`PIXCLOCK_GPS_BAUD`). [Bd]",
         &format!("GPS_BAUD: u32 = {gps_baud}"),
     );
-    let echo = choice("PIXCLOCK_PING", &PINGS, "") == "echo";
+    let [ping, _] = PINGS;
+    let echo = choice("PIXCLOCK_PING", ping, PINGS, "") == "echo";
     constant(
         &mut settings,
-        "Whether a PING is echoed instead of answered with our time (`PIXCLOCK_PING`).",
+        "Whether a PING is echoed instead of answered with the board's time (`PIXCLOCK_PING`).",
         &format!("PING_ECHO: bool = {echo}"),
     );
     let system_id: u8 = number("PIXCLOCK_SYSTEM_ID", 1, 1..=254, "");
     constant(
         &mut settings,
-        "The MAVLink system id that the image begins with (`PIXCLOCK_SYSTEM_ID`).",
+        "The value of the image's word for its MAVLink system id (`PIXCLOCK_SYSTEM_ID`).",
         &format!("SYSTEM_ID: u8 = {system_id}"),
     );
     let latency_us: u32 = number(
         "PIXCLOCK_LATENCY_US",
         0,
-        0..=variant.latency_us,
+        0..=variant.max_latency_us(),
         &with_variant,
     );
     constant(
         &mut settings,
-        "From a solution's epoch to its message's first byte, in ns (`PIXCLOCK_LATENCY_US`).",
+        "From a solution's epoch to its message's first byte (`PIXCLOCK_LATENCY_US`). [ns]",
         &format!("LATENCY_NS: u32 = {}", latency_us * 1_000),
     );
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
@@ -123,6 +85,14 @@ fn main() {
 
     if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("none") {
         link();
+    }
+}
+
+/// An old name would otherwise be ignored without a word.
+fn refuse_old_names() {
+    for (old, new) in RENAMED {
+        println!("cargo:rerun-if-env-changed={old}");
+        assert!(env::var_os(old).is_none(), "{old} is {new} now");
     }
 }
 
@@ -146,20 +116,24 @@ fn link() {
     println!("cargo:rustc-link-arg-bins=--nmagic");
 }
 
-/// The value of a setting that is one of a list, the first being the default. `with` says what
-/// the list depends on.
-fn choice(name: &str, allowed: &[&str], with: &str) -> String {
+/// The value of the setting `name`, which is one of `allowed`. `with` says what that depends on.
+fn choice<T>(name: &str, default: T, allowed: impl IntoIterator<Item = T>, with: &str) -> T
+where
+    T: std::fmt::Display,
+{
     println!("cargo:rerun-if-env-changed={name}");
-    let value = env::var(name).unwrap_or_else(|_| allowed[0].to_owned());
-    assert!(
-        allowed.contains(&value.as_str()),
-        "{name} is `{value}`; allowed{with}: {}",
-        allowed.join(", ")
-    );
-    value
+    let value = env::var(name).unwrap_or_else(|_| default.to_string());
+    let mut names = Vec::new();
+    for choice in allowed {
+        if choice.to_string() == value {
+            return choice;
+        }
+        names.push(choice.to_string());
+    }
+    panic!("{name} is `{value}`; allowed{with}: {}", names.join(", "))
 }
 
-/// The value of a setting that is a number in a range. `with` says what that depends on.
+/// The value of the setting `name`, which is a number in a range. `with` says what that depends on.
 fn number<T>(name: &str, default: T, allowed: RangeInclusive<T>, with: &str) -> T
 where
     T: std::str::FromStr + PartialOrd + std::fmt::Display + Copy,

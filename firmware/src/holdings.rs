@@ -16,8 +16,8 @@ pub struct Board;
 impl Parameters for Board {
     fn parameter(&self, parameter: Parameter) -> f32 {
         let value = match parameter {
-            Parameter::Variant => settings::VARIANT as u32,
-            Parameter::TickUs => settings::TICK_US,
+            Parameter::Variant => settings::VARIANT.number(),
+            Parameter::TickUs => settings::VARIANT.tick_us(),
             Parameter::GpsBaud => settings::GPS_BAUD,
             Parameter::Source => match GNSS.get().map(|report| report.source) {
                 None | Some(Source::Nothing) => 0,

@@ -15,7 +15,9 @@
 //! reads the clock may stand above the tick (`timebase::tick`). NuttX masks interrupts by
 //! `BASEPRI`, which spares step II's SysTick; here they are masked altogether, for less than a tick.
 
-use crate::settings::{VARIANT, Variant};
+use variant::Variant;
+
+use crate::settings::VARIANT;
 
 /// NuttX's priority of every interrupt (7, `arch/arm/include/stm32/chip.h`,
 /// `NVIC_SYSH_PRIORITY_DEFAULT`).
@@ -23,7 +25,7 @@ const NUTTX: u8 = 0x80;
 
 /// SysTick: counts time.
 pub const TICK: u8 = match VARIANT {
-    Variant::Pixclock | Variant::PaperStep2 => 0x00,
+    Variant::Pixclock { .. } | Variant::PaperStep2 { .. } => 0x00,
     Variant::PaperDefault | Variant::PaperStep1 => NUTTX,
 };
 /// UART4 and USART2: stamp and store bytes.

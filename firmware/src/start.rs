@@ -54,11 +54,11 @@ fn main() -> ! {
 /// stands in the registers: it is what they are about.
 fn tell_what_runs() {
     defmt::info!(
-        "pixclock {=str} on {=str}, variant {=str}, tick {=u32} us, system {=u8}",
+        "pixclock {=str} on {=str}, variant {}, tick {=u32} us, system {=u8}",
         env!("CARGO_PKG_VERSION"),
         board::NAME,
-        settings::VARIANT_NAME,
-        settings::TICK_US,
+        settings::VARIANT,
+        settings::VARIANT.tick_us(),
         system_id()
     );
     if settings::VARIANT.is_papers() {

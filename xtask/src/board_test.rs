@@ -1,7 +1,7 @@
 //! `board-test`: the tests of the flashed image, on the virtual board.
 
 use anyhow::Result;
-use console::{TICKS_US, Variant};
+use variant::{Image, TICKS_US, Variant};
 
 use crate::image::{self, Board, Build, cargo};
 
@@ -11,33 +11,30 @@ use crate::image::{self, Board, Build, cargo};
 ///
 /// When something cannot be built, or a test fails.
 pub fn run(arguments: &[String]) -> Result<()> {
-    let standard = Build::standard(Board::Pixhawk1);
+    let built = |image: Image| {
+        image::build(Build {
+            image,
+            ..Build::standard(Board::Pixhawk1)
+        })
+    };
     let mut tests = cargo();
     tests.args(["test", "--locked", "--package", "virtual-pixhawk"]);
     for tick_us in TICKS_US {
         let variant = Variant::Pixclock { tick_us };
-        let image = image::build(Build {
-            variant,
-            ..standard
-        })?;
-        tests.env(format!("PIXCLOCK_IMAGE_{tick_us}US"), &image);
-        if variant == standard.variant {
-            tests.env("PIXCLOCK_IMAGE", image);
+        let path = built(Image::of(variant))?;
+        tests.env(format!("PIXCLOCK_IMAGE_{tick_us}US"), &path);
+        if variant == Variant::STANDARD {
+            tests.env("PIXCLOCK_IMAGE", path);
         }
     }
     for variant in Variant::PAPERS {
-        let image = image::build(Build {
-            variant,
-            ..standard
-        })?;
-        tests.env(variable(variant, ""), image);
+        tests.env(variable(variant, ""), built(Image::of(variant))?);
     }
-    let slower = Build {
+    let slower = Image {
         variant: Variant::PaperDefault,
         gps_baud: 38_400,
-        ..standard
     };
-    tests.env(variable(slower.variant, "_38400BD"), image::build(slower)?);
+    tests.env(variable(slower.variant, "_38400BD"), built(slower)?);
     image::run(tests.args(arguments))
 }
 

@@ -7,8 +7,8 @@ use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
-use console::Variant;
 use serde_json::Value;
+use variant::Variant;
 
 use crate::image::{TARGET, cargo, run, target_dir};
 

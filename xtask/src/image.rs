@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
-use console::Variant;
+use variant::{Image, Variant};
 
 /// The board's target.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
@@ -31,18 +31,13 @@ impl fmt::Display for Board {
     }
 }
 
-/// The rate of the receiver's line unless another one is asked for, in Bd.
-const GPS_BAUD: u32 = 115_200;
-
 /// What an image is built with.
 #[derive(Clone, Copy, Debug)]
 pub struct Build {
     /// For which board.
     pub board: Board,
-    /// How it keeps the clock, and its tick.
-    pub variant: Variant,
-    /// The rate of the receiver's line, in Bd; the firmware's build refuses what it has not.
-    pub gps_baud: u32,
+    /// With which settings; the firmware's build refuses those that it does not have.
+    pub image: Image,
     /// Measures itself instead of keeping time.
     pub bench: bool,
 }
@@ -52,8 +47,7 @@ impl Build {
     pub const fn standard(board: Board) -> Self {
         Self {
             board,
-            variant: Variant::STANDARD,
-            gps_baud: GPS_BAUD,
+            image: Image::STANDARD,
             bench: false,
         }
     }
@@ -61,13 +55,14 @@ impl Build {
 
 impl fmt::Display for Build {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Image { variant, gps_baud } = self.image;
         write!(f, "{}-", self.board)?;
-        if !matches!(self.variant, Variant::Pixclock { .. }) {
-            write!(f, "{}-", self.variant.name())?;
+        if !matches!(variant, Variant::Pixclock { .. }) {
+            write!(f, "{}-", variant.name())?;
         }
-        write!(f, "{}us", self.variant.tick_us())?;
-        if self.gps_baud != GPS_BAUD {
-            write!(f, "-{}bd", self.gps_baud)?;
+        write!(f, "{}us", variant.tick_us())?;
+        if gps_baud != Image::GPS_BAUD {
+            write!(f, "-{gps_baud}bd")?;
         }
         if self.bench {
             write!(f, "-bench")?;
@@ -104,28 +99,29 @@ pub fn run(command: &mut Command) -> Result<()> {
     Ok(())
 }
 
-/// Builds `variant` and returns its ELF file, which the build of no other variant touches.
+/// Builds what `build` says and returns its ELF file, which no other build overwrites.
 ///
 /// # Errors
 ///
 /// When the build fails; cargo has said why.
-pub fn build(variant: Build) -> Result<PathBuf> {
-    let mut features = variant.board.to_string();
-    if variant.bench {
+pub fn build(build: Build) -> Result<PathBuf> {
+    let mut features = build.board.to_string();
+    if build.bench {
         features.push_str(",bench");
     }
+    let Image { variant, gps_baud } = build.image;
     run(cargo()
         .args(["build", "--quiet", "--release", "--package", "firmware"])
         .args(["--target", TARGET, "--no-default-features"])
         .args(["--features", &features])
-        .env("PIXCLOCK_VARIANT", variant.variant.name())
-        .env("PIXCLOCK_TICK_US", variant.variant.tick_us().to_string())
-        .env("PIXCLOCK_GPS_BAUD", variant.gps_baud.to_string()))?;
+        .env("PIXCLOCK_VARIANT", variant.name())
+        .env("PIXCLOCK_TICK_US", variant.tick_us().to_string())
+        .env("PIXCLOCK_GPS_BAUD", gps_baud.to_string()))?;
     let target = target_dir()?;
     let built = target.join(TARGET).join("release").join("firmware");
     let images = target.join("images");
     std::fs::create_dir_all(&images)?;
-    let image = images.join(format!("{variant}.elf"));
+    let image = images.join(format!("{build}.elf"));
     std::fs::copy(&built, &image)
         .with_context(|| format!("cannot copy {} to {}", built.display(), image.display()))?;
     Ok(image)

@@ -21,7 +21,8 @@ use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use console::{LogDecoder, Screen, Variant, Verdict};
+use console::{LogDecoder, Screen, Verdict};
+use variant::{Image, Variant};
 use world::{Receiver, ReceiverSettings, Recording, Talker, WorldNanos};
 
 use crate::image::{self, Board, Build};
@@ -122,7 +123,7 @@ pub fn run(options: &QemuOptions) -> Result<ExitCode> {
 /// When the build fails.
 pub fn build(variant: Variant) -> Result<PathBuf> {
     image::build(Build {
-        variant,
+        image: Image::of(variant),
         ..Build::standard(Board::Qemu)
     })
 }

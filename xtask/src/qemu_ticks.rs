@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 
-use console::Variant;
+use variant::{TICKS_US, Variant};
 
 use crate::image;
 use crate::qemu::{self, Running};
@@ -38,7 +38,7 @@ pub fn check() -> Result<()> {
     if !qemu::is_there() {
         bail!("QEMU is not on this machine; `cargo xtask qemu --install` installs it");
     }
-    for tick_us in console::TICKS_US {
+    for tick_us in TICKS_US {
         let expected = 1_000_000 / tick_us as usize;
         let counted = count(tick_us)?;
         println!("tick {tick_us:>4} µs: {counted} interrupts in a second, {expected} wanted");

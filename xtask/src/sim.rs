@@ -4,6 +4,7 @@ use std::process::{Command, ExitCode};
 
 use anyhow::Result;
 use console::SimOptions;
+use variant::Image;
 
 use crate::image::{self, Board, Build};
 use crate::tool;
@@ -18,7 +19,7 @@ pub fn run(options: &SimOptions, arguments: &[String]) -> Result<ExitCode> {
     command.args(arguments);
     if options.shared.image.is_none() {
         let image = image::build(Build {
-            variant: options.shared.variant(),
+            image: Image::of(options.shared.variant()),
             ..Build::standard(Board::Pixhawk1)
         })?;
         command.arg("--image").arg(image);

@@ -13,13 +13,15 @@ mod board;
 mod emulated;
 mod test;
 
+use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Result, bail};
 use clap::error::ErrorKind;
 use clap::{Args as _, Command as Clap};
-use testbed::{Boards, Image, Method, Options, Place, Results, progress};
+use testbed::{Boards, Method, Options, Place, Results, progress};
+use variant::Image;
 
 use crate::image::{self, Board, Build};
 use crate::link::{Address, Link};
@@ -50,13 +52,12 @@ fn wrong_usage(message: &str) -> ! {
         .exit()
 }
 
-/// What an image of the experiment is built as.
-fn variant(board: Board, image: Image) -> Build {
-    Build {
-        variant: image.variant,
-        gps_baud: image.gps_baud,
+/// An image of the experiment, built for `board`.
+fn build(board: Board, image: Image) -> Result<PathBuf> {
+    image::build(Build {
+        image,
         ..Build::standard(board)
-    }
+    })
 }
 
 /// The images of `methods`, each once.
@@ -76,7 +77,7 @@ fn on_virtual_boards(options: &Options, arguments: &[String]) -> Result<ExitCode
     let mut command = Command::new(tool::build("testbed")?);
     command.args(arguments);
     for image in images(&options.methods(), options.crystals.ppb.len()) {
-        let path = image::build(variant(Board::Pixhawk1, image))?;
+        let path = build(Board::Pixhawk1, image)?;
         command
             .arg("--image")
             .arg(format!("{image}={}", path.display()));
@@ -96,7 +97,7 @@ fn on_qemu(options: &Options) -> Result<ExitCode> {
     let each_s = u64::from(options.settle) + u64::from(options.duration);
     let bar = progress::bar(each_s * methods.len() as u64 * options.seeds);
     'all: for method in methods {
-        let paths = [0, 1].map(|index| image::build(variant(Board::Qemu, method.image(index))));
+        let paths = [0, 1].map(|index| build(Board::Qemu, method.image(index)));
         let [one, other] = paths;
         let paths = [one?, other?];
         for seed in options.seeds() {

@@ -27,14 +27,14 @@ use stm32f4xx_hal::pac::TIM5;
 use timebase::tick::{self, CounterPair, Word};
 use timebase::{CORE_HZ, Cycles, Stamp};
 
-use crate::settings::TICK_US;
+use crate::settings::VARIANT;
 use crate::{board, priorities};
 
 /// How long bytes may wait in a ring before their task is woken, in cycles: 1 ms.
 const SERVICE: u32 = CORE_HZ / 1_000;
 
 /// From tick to tick, in cycles.
-pub const TICK_PERIOD: u32 = CORE_HZ / 1_000_000 * TICK_US;
+pub const TICK_PERIOD: u32 = CORE_HZ / 1_000_000 * VARIANT.tick_us();
 
 /// The timer that `board` starts beside SysTick, and SysTick itself.
 struct Registers;

@@ -17,19 +17,20 @@ use paper_clock::{Outcome, PaperClock, Wait, wakes_at};
 use timebase::Cycles;
 use ubx_link::{Event, Fix, Link};
 use utc_clock::Ppb;
+use variant::Variant;
 
 use super::configuration::Configuration;
 use super::gnss::{REPORT_EVERY, first_instant_after, tell};
 use crate::drivers::pulse::EdgeCounters;
 use crate::drivers::time;
 use crate::drivers::uart::{Reader, Writer};
-use crate::settings::{GPS_BAUD, VARIANT, Variant};
+use crate::settings::{GPS_BAUD, VARIANT};
 use crate::shared::{BASE_TIME, ClockEvent, GNSS, GnssReport};
 
 /// Between poll and read.
 const WAIT: Wait = match VARIANT {
-    Variant::PaperStep1 | Variant::PaperStep2 => Wait::Constant,
-    Variant::PaperDefault | Variant::Pixclock => Wait::ForCharacters { baud: GPS_BAUD },
+    Variant::PaperStep1 | Variant::PaperStep2 { .. } => Wait::Constant,
+    Variant::PaperDefault | Variant::Pixclock { .. } => Wait::ForCharacters { baud: GPS_BAUD },
 };
 
 /// Runs for ever, on the prompt executor.

@@ -14,7 +14,7 @@ use utc_clock::{ClockState, Reading, Source, calendar};
 
 use crate::drivers::card::CardErrors;
 use crate::drivers::time;
-use crate::settings::{VARIANT, Variant};
+use crate::settings::VARIANT;
 use crate::shared::{self, CARD, GNSS, GnssReport, MAVLINK, MavlinkReport};
 
 /// Runs for ever, on the patient executor.
@@ -34,7 +34,7 @@ fn log() {
     let clock = gnss.map(|report| report.clock).unwrap_or_default();
     defmt::info!(
         "status variant={} state={} source={} utc={} unc_ns={=u32} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}{}",
-        How,
+        VARIANT,
         reading.state,
         From(gnss.map(|report| report.source).unwrap_or_default()),
         Utc(reading),
@@ -65,20 +65,6 @@ macro_rules! nonzero {
 fn count(f: Formatter, name: &str, count: u32) {
     if count != 0 {
         defmt::write!(f, " {=str}={=u32}", name, count);
-    }
-}
-
-/// The variant in which the clock is kept, by the name that the build setting has for it.
-struct How;
-
-impl Format for How {
-    fn format(&self, f: Formatter) {
-        match VARIANT {
-            Variant::Pixclock => defmt::write!(f, "pixclock"),
-            Variant::PaperDefault => defmt::write!(f, "paper-default"),
-            Variant::PaperStep1 => defmt::write!(f, "paper-step1"),
-            Variant::PaperStep2 => defmt::write!(f, "paper-step2"),
-        }
     }
 }
 

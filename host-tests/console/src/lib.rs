@@ -5,7 +5,7 @@
 //! summary at the end.
 //!
 //! *Design.* [`Options`] is parsed here, so that whoever builds the image and
-//! whoever runs it read the same words; [`Variant`] is what an image is built for.
+//! whoever runs it read the same words.
 //! [`LogDecoder`] turns bytes into [`LogLine`]s; a line that begins with `status ` is a
 //! [`Status`]; [`Screen`] prints, and keeps what the summary needs.
 //!
@@ -15,10 +15,8 @@ mod log;
 mod options;
 mod screen;
 mod status;
-mod variant;
 
 pub use log::{Level, LogDecoder, LogLine};
-pub use options::{DEFAULT_MAVLINK_PORT, MAX_BOARDS, Options, SimOptions, TICKS_US, UtcNanos};
+pub use options::{DEFAULT_MAVLINK_PORT, MAX_BOARDS, Options, SimOptions, UtcNanos};
 pub use screen::{Screen, Verdict};
 pub use status::Status;
-pub use variant::{UnknownVariant, Variant};

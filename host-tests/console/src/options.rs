@@ -13,12 +13,9 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
-use clap::builder::{PossibleValuesParser, TypedValueParser as _};
+use clap::builder::TypedValueParser as _;
+use variant::{TICKS_US, Variant};
 
-use crate::Variant;
-
-/// The periods of SysTick that the firmware can be built with, in µs.
-pub const TICKS_US: [u32; 4] = [1_000, 500, 200, 50];
 /// The first board's MAVLink port: where ground stations look for a simulator.
 pub const DEFAULT_MAVLINK_PORT: u16 = 5_760;
 /// How many boards a run may have.
@@ -113,7 +110,11 @@ impl Options {
 }
 
 fn tick_parser() -> impl clap::builder::TypedValueParser<Value = u32> {
-    PossibleValuesParser::new(["1000", "500", "200", "50"]).try_map(|tick| tick.parse::<u32>())
+    clap::value_parser!(u32).try_map(|tick_us| {
+        let allowed = TICKS_US.map(|tick_us| tick_us.to_string()).join(", ");
+        let found = TICKS_US.contains(&tick_us).then_some(tick_us);
+        found.ok_or_else(|| format!("allowed: {allowed}"))
+    })
 }
 
 fn parse_utc(text: &str) -> Result<UtcNanos, String> {

@@ -31,7 +31,7 @@ mod statistics;
 pub use conversation::{Conversation, SILENCE_NS};
 pub use ending::{Results, text};
 pub use files::{Folder, summary};
-pub use method::{Image, Method};
+pub use method::Method;
 pub use options::{Boards, Crystals, Options, Receivers};
 pub use own_log::OwnLog;
 pub use pairing::{Difference, differences, discard_late};

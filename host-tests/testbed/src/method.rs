@@ -12,11 +12,9 @@
 use std::fmt;
 use std::str::FromStr;
 
-use console::Variant;
+use variant::{Image, Variant};
 
-/// The baud rate that everybody but one board of the mixed method uses.
-const BAUD: u32 = 115_200;
-/// The other rate of the mixed method.
+/// The baud rate of every board of the mixed method but the first: a Here+'s own. [Bd]
 const SLOW_BAUD: u32 = 38_400;
 
 /// A method of keeping time.
@@ -34,33 +32,6 @@ pub enum Method {
     Pixclock,
     /// pixclock on the receiver's time pulse.
     PixclockPps,
-}
-
-/// What the firmware of one board is built with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Image {
-    /// How it keeps the clock, and its tick.
-    pub variant: Variant,
-    /// The rate of the receiver's line, in Bd.
-    pub gps_baud: u32,
-}
-
-impl Image {
-    /// What the firmware calls its variants, by the number that it tells as the parameter
-    /// `PC_VARIANT`.
-    pub const NAMES: [&'static str; 4] =
-        ["pixclock", "paper-default", "paper-step1", "paper-step2"];
-}
-
-impl fmt::Display for Image {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (name, tick_us) = (self.variant.name(), self.variant.tick_us());
-        write!(
-            f,
-            "{name} with a tick of {tick_us} µs, the receiver at {} Bd",
-            self.gps_baud
-        )
-    }
 }
 
 impl Method {
@@ -137,11 +108,13 @@ impl Method {
             Self::PaperStep2(tick_us) => Variant::PaperStep2 { tick_us },
             Self::Pixclock | Self::PixclockPps => Variant::STANDARD,
         };
-        let gps_baud = match self {
-            Self::PaperDefaultMixed if index > 0 => SLOW_BAUD,
-            _ => BAUD,
-        };
-        Image { variant, gps_baud }
+        match self {
+            Self::PaperDefaultMixed if index > 0 => Image {
+                variant,
+                gps_baud: SLOW_BAUD,
+            },
+            _ => Image::of(variant),
+        }
     }
 
     /// Its name as a folder's: without the colon, which not every file system takes.

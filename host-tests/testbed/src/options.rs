@@ -11,9 +11,10 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
+use variant::Image;
 use world::Latency;
 
-use crate::method::{Image, Method};
+use crate::method::Method;
 
 /// PINGs a second at most: more than the line has room for.
 const MAX_RATE_HZ: i64 = 1_000;

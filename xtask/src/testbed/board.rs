@@ -13,8 +13,9 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, bail};
 use mavlink_node::client::{Client, GROUND_STATION, Message, Received};
 use mavlink_node::{Address, Parameter, Test, Version};
-use testbed::{Image, OwnLog, SILENCE_NS};
+use testbed::{OwnLog, SILENCE_NS};
 use timebase::{Stamp, StampedByte};
+use variant::Image;
 
 use super::is_asked_to_end;
 use crate::link::Link;
@@ -52,12 +53,8 @@ pub struct Clock {
 pub struct Identity {
     /// Its address.
     pub address: Address,
-    /// `PC_VARIANT`, as a name of [`Image::NAMES`].
-    pub variant: &'static str,
-    /// `PC_TICK_US`.
-    pub tick_us: u32,
-    /// `PC_GPS_BAUD`.
-    pub gps_baud: u32,
+    /// What it runs: `PC_VARIANT`, `PC_TICK_US` and `PC_GPS_BAUD`.
+    pub image: Image,
     /// `PC_SOURCE` is the pulse.
     pub follows_pulse: bool,
 }
@@ -131,18 +128,18 @@ impl Connected {
     /// When it does not answer, with what is there instead.
     pub fn identify(&mut self) -> Result<Identity> {
         let address = self.wait_for_address()?;
-        let variant = self.parameter(address, Parameter::Variant)? as usize;
-        let Some(variant) = Image::NAMES.get(variant) else {
+        let variant = self.parameter(address, Parameter::Variant)? as u32;
+        let tick_us = self.parameter(address, Parameter::TickUs)? as u32;
+        let gps_baud = self.parameter(address, Parameter::GpsBaud)? as u32;
+        let Some(image) = Image::from_parameters(variant, tick_us, gps_baud) else {
             bail!(
-                "{} runs a variant (PC_VARIANT {variant}) that this program does not know",
+                "{} runs an image that this program does not know: PC_VARIANT {variant}, PC_TICK_US {tick_us}, PC_GPS_BAUD {gps_baud}",
                 self.name
             );
         };
         Ok(Identity {
             address,
-            variant,
-            tick_us: self.parameter(address, Parameter::TickUs)? as u32,
-            gps_baud: self.parameter(address, Parameter::GpsBaud)? as u32,
+            image,
             follows_pulse: self.parameter(address, Parameter::Source)? as u32 == 2,
         })
     }

@@ -157,10 +157,7 @@ pub fn method_of(ready: &[Ready]) -> Result<Method> {
     let runs = |ready: &Ready, method: Method, index: usize| {
         let image = method.image(index);
         let is = &ready.identity;
-        is.variant == image.variant.name()
-            && is.tick_us == image.variant.tick_us()
-            && is.gps_baud == image.gps_baud
-            && is.follows_pulse == method.has_pulse()
+        is.image == image && is.follows_pulse == method.has_pulse()
     };
     let all_run = |method: &Method| {
         let mut boards = ready.iter().enumerate();
@@ -178,11 +175,7 @@ pub fn method_of(ready: &[Ready]) -> Result<Method> {
             } else {
                 ""
             };
-            let (name, variant, tick_us, baud) =
-                (&ready.board.name, is.variant, is.tick_us, is.gps_baud);
-            format!(
-                "{name} runs {variant} with a tick of {tick_us} µs, its receiver at {baud} Bd{pulse}"
-            )
+            format!("{} runs {}{pulse}", ready.board.name, is.image)
         })
         .collect();
     bail!(

@@ -6,11 +6,12 @@
 
 use std::collections::BTreeSet;
 
-use console::{Status, Variant};
+use console::Status;
 use mavlink_node::Version;
 use paper_clock::wakes_at;
 use timebase::Cycles;
 use utc_clock::ClockState;
+use variant::Variant;
 use virtual_pixhawk::{Builder, Connector, Firmware, Logged, Pixhawk, Script};
 use world::{Latency, Receiver, ReceiverSettings, Stall, WorldNanos};
 

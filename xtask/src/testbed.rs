@@ -10,12 +10,12 @@
 //! what they were flashed with, one way a call.
 
 mod board;
+mod ctrl_c;
 mod emulated;
 mod test;
 
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Result, bail};
 use clap::error::ErrorKind;
@@ -27,8 +27,6 @@ use crate::image::{self, Board, Build};
 use crate::link::{Address, Link};
 use crate::tool;
 use board::Connected;
-
-static ASKED_TO_END: AtomicBool = AtomicBool::new(false);
 
 /// Runs the experiment.
 ///
@@ -92,7 +90,7 @@ fn on_qemu(options: &Options) -> Result<ExitCode> {
         wrong_usage("QEMU has no input capture, so no board of it can follow a pulse");
     }
     emulated::check()?;
-    catch_ctrl_c()?;
+    ctrl_c::catch()?;
     let mut results = Results::new(options, Place::Qemu, conditions(options, "2 on QEMU"))?;
     let each_s = u64::from(options.settle) + u64::from(options.duration);
     let bar = progress::bar(each_s * methods.len() as u64 * options.seeds);
@@ -113,21 +111,21 @@ fn on_qemu(options: &Options) -> Result<ExitCode> {
                     break 'all;
                 }
             }
-            if is_asked_to_end() {
+            if ctrl_c::is_pressed() {
                 results.cut_short("it was stopped by Ctrl-C");
                 break 'all;
             }
         }
     }
     bar.finish_and_clear();
-    results.end(options, is_asked_to_end())
+    results.end(options, ctrl_c::is_pressed())
 }
 
 fn on_lines(options: &Options, addresses: &[String]) -> Result<ExitCode> {
     let asked = options.asked_methods();
     if asked.len() > 1 {
         wrong_usage(
-            "real boards run one way, the one that they were flashed with: name one --way, or none",
+            "real boards run the one method that they were flashed for: name one --method, or none",
         );
     }
     let addresses = addresses
@@ -137,7 +135,7 @@ fn on_lines(options: &Options, addresses: &[String]) -> Result<ExitCode> {
                 .unwrap_or_else(|wrong| wrong_usage(&wrong))
         })
         .collect::<Vec<_>>();
-    catch_ctrl_c()?;
+    ctrl_c::catch()?;
     let what = format!("{} real ones", addresses.len());
     let place = if options.one_line {
         Place::OneLine
@@ -160,12 +158,12 @@ fn on_lines(options: &Options, addresses: &[String]) -> Result<ExitCode> {
     bar.set_message(method.to_string());
     let seed = options.seed;
     let run = test::run(options, method, seed, prepared, &bar)?;
-    if is_asked_to_end() && run.lasted_s < options.duration {
+    if ctrl_c::is_pressed() && run.lasted_s < options.duration {
         results.cut_short("it was stopped by Ctrl-C");
     }
     results.keep(run);
     bar.finish_and_clear();
-    results.end(options, is_asked_to_end())
+    results.end(options, ctrl_c::is_pressed())
 }
 
 /// Opens the lines to the boards.
@@ -199,14 +197,4 @@ fn conditions(options: &Options, boards: &str) -> Vec<(&'static str, String)> {
         ),
     ));
     conditions
-}
-
-fn catch_ctrl_c() -> Result<()> {
-    Ok(ctrlc::set_handler(|| {
-        ASKED_TO_END.store(true, Ordering::Relaxed);
-    })?)
-}
-
-fn is_asked_to_end() -> bool {
-    ASKED_TO_END.load(Ordering::Relaxed)
 }

@@ -19,7 +19,7 @@ use anyhow::{Context, Result};
 use serde_json::{Value, json};
 
 use super::flight_plot;
-use super::{Options, default_svg};
+use super::options::Options;
 
 /// The first line of a file of readings.
 const READINGS_HEADER: &str = "us,utc_ns,uncertainty_ns,state";
@@ -65,10 +65,7 @@ pub fn run(options: &Options, content: &[u8]) -> Result<ExitCode> {
     if let (Some(file), Some(text)) = (&options.readings, readings) {
         std::fs::write(file, text).with_context(|| format!("cannot write {}", file.display()))?;
     }
-    let svg = match &options.svg {
-        Some(svg) => svg.clone(),
-        None => default_svg(&options.file)?,
-    };
+    let svg = options.svg()?;
     flight_plot::draw(&flight, &replayed, &name, &svg)
         .with_context(|| format!("cannot draw {}", svg.display()))?;
     if options.json {

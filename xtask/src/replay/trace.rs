@@ -12,7 +12,8 @@ use anyhow::{Context, Result};
 use comparison::trace::{Replayed, Trace};
 use serde_json::json;
 
-use super::{Options, default_svg, plot};
+use super::options::Options;
+use super::plot;
 
 /// Replays the trace `content`.
 ///
@@ -24,10 +25,7 @@ pub fn run(options: &Options, content: &[u8]) -> Result<ExitCode> {
     let trace = Trace::parse(&String::from_utf8_lossy(content))
         .with_context(|| format!("{path} is no trace of arrivals"))?;
     let replayed = trace.replay();
-    let svg = match &options.svg {
-        Some(svg) => svg.clone(),
-        None => default_svg(&options.file)?,
-    };
+    let svg = options.svg()?;
     let title = options.file.file_stem().unwrap_or_default();
     plot::draw(&replayed, &title.to_string_lossy(), &svg)
         .with_context(|| format!("cannot draw {}", svg.display()))?;

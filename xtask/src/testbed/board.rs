@@ -17,7 +17,7 @@ use testbed::{OwnLog, SILENCE_NS};
 use timebase::{Stamp, StampedByte};
 use variant::Image;
 
-use super::is_asked_to_end;
+use super::ctrl_c;
 use crate::link::Link;
 
 /// How long an answer is waited for.
@@ -146,13 +146,13 @@ impl Connected {
 
     fn wait_for_address(&mut self) -> Result<Address> {
         let began = Instant::now();
-        while began.elapsed() < PATIENCE && !is_asked_to_end() {
+        while began.elapsed() < PATIENCE && !ctrl_c::is_pressed() {
             if let Some(address) = self.address {
                 return Ok(address);
             }
             self.listen()?;
         }
-        check_ctrl_c()?;
+        ctrl_c::check()?;
         bail!(
             "no board answers at {}: nothing that is MAVLink came from there within {} s; look at \
              its power, its wiring and its baud rate, and close other programs that talk with it",
@@ -174,7 +174,7 @@ impl Connected {
             },
         )?;
         let Some(value) = answer else {
-            check_ctrl_c()?;
+            ctrl_c::check()?;
             bail!(
                 "{} is system {} but does not tell its parameter {}: it is no pixclock, or an \
                  old one; flash it anew",
@@ -218,7 +218,7 @@ impl Connected {
                     return Ok(Some(answer));
                 }
             }
-            if began.elapsed() >= PATIENCE || is_asked_to_end() {
+            if began.elapsed() >= PATIENCE || ctrl_c::is_pressed() {
                 return Ok(None);
             }
         }
@@ -244,7 +244,7 @@ impl Connected {
         let mut file = Vec::new();
         let mut came = Instant::now();
         while file.len() < size {
-            if came.elapsed() > PATIENCE || is_asked_to_end() {
+            if came.elapsed() > PATIENCE || ctrl_c::is_pressed() {
                 bail!("it gave {} of {size} bytes", file.len());
             }
             let rest = (size - file.len()) as u32;
@@ -252,7 +252,7 @@ impl Connected {
             self.asking.send(&request)?;
             // One piece follows the other, until one is lost on the way.
             let mut flowed = Instant::now();
-            while file.len() < size && flowed.elapsed() < AGAIN && !is_asked_to_end() {
+            while file.len() < size && flowed.elapsed() < AGAIN && !ctrl_c::is_pressed() {
                 for heard in self.listen()? {
                     if let Some(next) = piece(&heard.what, file.len()) {
                         file.extend(next);
@@ -296,16 +296,4 @@ fn piece(what: &Message, offset: usize) -> Option<Vec<u8>> {
         }
         _ => None,
     }
-}
-
-/// Ends what Ctrl-C has interrupted.
-///
-/// # Errors
-///
-/// When it has.
-pub fn check_ctrl_c() -> Result<()> {
-    if is_asked_to_end() {
-        bail!("stopped by Ctrl-C before the test had begun");
-    }
-    Ok(())
 }

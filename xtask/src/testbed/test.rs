@@ -24,8 +24,8 @@ use mavlink_node::{Address, Test, Version};
 use testbed::{Conversation, Method, Options, OwnLog, Record, Run, Schedule, discard_late};
 use timebase::{Stamp, StampedByte};
 
-use super::board::{Clock, Connected, Identity, PATIENCE, check_ctrl_c};
-use super::is_asked_to_end;
+use super::board::{Clock, Connected, Identity, PATIENCE};
+use super::ctrl_c;
 use crate::link::Link;
 
 /// From the last word to the boards to the first PING.
@@ -94,7 +94,7 @@ fn get_ready(mut board: Connected, settle: Duration, began: Instant) -> Result<R
             let identity = board.identify()?;
             return Ok(Ready { board, identity });
         }
-        check_ctrl_c()?;
+        ctrl_c::check()?;
         if clock.is_some_and(|clock| clock.told.elapsed() > PATIENCE) {
             bail!("{} fell silent while its clock settled", board.name);
         }
@@ -287,7 +287,7 @@ fn end(
         let read = reading.into_iter().map(|board| {
             let log = board?.join();
             let log = log.unwrap_or_else(|_| bail!("its thread panicked"));
-            (log.is_ok() || !is_asked_to_end()).then_some(log)
+            (log.is_ok() || !ctrl_c::is_pressed()).then_some(log)
         });
         read.collect()
     })
@@ -302,7 +302,7 @@ fn watch(
 ) {
     let duration = Duration::from_secs(schedule.duration_s.into());
     let ends = began + duration + AFTERWARDS;
-    while Instant::now() < ends && !is_asked_to_end() {
+    while Instant::now() < ends && !ctrl_c::is_pressed() {
         thread::sleep(LOOK);
         let now_ns = since(began);
         show(began.elapsed().min(duration).as_secs());

@@ -23,10 +23,10 @@ pub(crate) const LOG_ID: u16 = 1;
 
 /// The log's file, where the node finds it.
 pub trait LogFile {
-    /// Its length. [bytes]
+    /// Its length, in bytes.
     fn log_len(&self) -> u32;
 
-    /// When the log was begun, if it was and that is known. [ns of UTC since 1970]
+    /// When the log was begun, in ns of UTC since 1970, if it was and that is known.
     fn log_began_ns(&self) -> Option<i64>;
 
     /// Fills `out` with the file from `offset` on. The number of bytes: fewer than there

@@ -99,8 +99,8 @@ pub struct Counters {
 #[derive(Debug)]
 pub struct Requests;
 
-/// A line that has been silent for so long is between frames: no host pauses for that long inside
-/// one. 1 s. [cycles]
+/// A line that has been silent for this long, in cycles, is between frames: 1 s. No host pauses for
+/// that long inside one.
 pub const IDLE: u64 = CORE_HZ as u64;
 
 /// How much later than `now` a byte may be stamped, in cycles: 1 s.

@@ -133,15 +133,15 @@ impl<'a> SampleLog<'a> {
         self.is_frozen
     }
 
-    /// When the test began, as the time of its first sample; `None` while there is none, or
-    /// if the clock was not set then. [ns of UTC since 1970]
+    /// The time of the first sample, in ns of UTC since 1970; `None` while there is none, or if
+    /// the clock was not set then.
     #[must_use]
     pub fn began_ns(&self) -> Option<i64> {
         let first = self.get(0)?;
         (first.state != ClockState::Unset).then_some(first.board_ns)
     }
 
-    /// The length of its file. [bytes]
+    /// The length of its file, in bytes.
     #[must_use]
     pub const fn file_len(&self) -> u32 {
         csv::file_len(self.len)

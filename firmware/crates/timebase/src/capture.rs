@@ -1,41 +1,38 @@
 //! A 16-bit capture, extended to cycles since boot.
 //!
-//! *Purpose.* A timer's input capture says at which of its counts an edge came: exact
-//! to a count, and silent about which of the counter's rounds it was. [`Phase`] says
-//! which moment that is.
+//! *Purpose.* A timer's input capture has the count at which an edge came, exactly, but not in
+//! which round of the counter that was. [`Phase`] finds the moment.
 //!
-//! *Design.* The timer and the cycle count have one clock, so that they differ by a
-//! constant for as long as both run: the *phase*, the moment of a count of 0,
-//! modulo a round. It is measured once, from readings of both side by side. An edge
-//! is then the last moment with the captured count, and no reading of the present
-//! time enters into it but to choose the round:
+//! *Design.* The timer and the cycle count have one clock, so they differ by a constant while both
+//! run: the *phase*, the moment of a count of 0, modulo a round. It is measured once, from readings
+//! of both side by side. An edge is then the last moment that had the captured count; the present
+//! time serves only to choose the round:
 //!
 //! ```text
 //! edge = now − (now − phase − RATIO · capture) mod ROUND
 //! ```
 //!
-//! *Limits.* Whoever reads the capture does so within [`REACH`] of the edge, 774 µs;
-//! later, it is taken for one a round later. What the measurement of the phase is
-//! wrong by, a few cycles, every edge is wrong by. A debugger that halts the core and
-//! so SysTick, but not the timer, changes the phase.
+//! *Limits.* A capture has to be extended within [`REACH`] of its edge, 774 µs; later, it is taken
+//! for an edge of the next round. An error of the measured phase, a few cycles, is an error of
+//! every edge. A debugger that halts the core and with it SysTick, but not the timer, changes
+//! the phase.
 
 use crate::Cycles;
 
-/// Core cycles a count: TIM4 counts the timer clock of APB1, half the core's (RM0090,
+/// Core cycles in a count: TIM4 counts the timer clock of APB1, half the core's (RM0090,
 /// section 6.2).
 pub const RATIO: u64 = 2;
 
 /// Core cycles from a count of 0 to the next: 780 µs.
 const ROUND: u64 = RATIO << u16::BITS;
 
-/// By so much, in cycles, an edge may seem to be in the future for the error of the
-/// phase: 6 µs.
+/// How far in the future an edge may seem to be, in cycles, because of the error of the phase: 6 µs.
 const AHEAD: u64 = 1 << 10;
 
 /// How old an edge may be when it is extended, in cycles.
 pub const REACH: u64 = ROUND - AHEAD;
 
-/// How a timer's count stands to the cycles since boot.
+/// The relation between a timer's count and the cycles since boot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Phase(u32);
 
@@ -64,8 +61,8 @@ impl Phase {
         self.0
     }
 
-    /// When the edge came that was captured at a count of `capture`, at most
-    /// [`REACH`] before `now`.
+    /// The moment of the edge that was captured at a count of `capture`, at most [`REACH`] before
+    /// `now`.
     #[must_use]
     #[inline]
     pub const fn edge(self, capture: u16, now: Cycles) -> Cycles {
@@ -82,7 +79,7 @@ impl Phase {
 mod tests {
     use super::*;
 
-    /// What a timer of that phase shows at `at`.
+    /// The count at `at` of a timer with that phase.
     fn count(phase: u64, at: u64) -> u16 {
         (at.wrapping_sub(phase) / RATIO) as u16
     }
@@ -107,7 +104,7 @@ mod tests {
                             "{phase} {edge} {delay}"
                         );
                     }
-                    // A phase that is a little wrong, so that the edge is yet to come.
+                    // The phase is a little wrong, so that the edge seems to be yet to come.
                     let now = Cycles(began - AHEAD);
                     assert_eq!(word.edge(capture, now), Cycles(began));
                 }

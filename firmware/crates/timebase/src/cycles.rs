@@ -1,23 +1,21 @@
 //! The unit of time since boot, and its conversions.
 //!
-//! *Purpose.* [`Cycles`]: a 64-bit count of core clock cycles since boot, 5.95 ns
-//! each, good for 3 480 years.
+//! *Purpose.* [`Cycles`]: a 64-bit count of core clock cycles since boot. One is 5.95 ns, and the
+//! count lasts for 3 480 years.
 //!
-//! *Design.* Conversions to ns and µs are exact and need no 64-bit division,
-//! which on this core is a library call of hundreds of instructions: a quotient
-//! by a constant is the upper half of a product. Interrupts that must be short
-//! take a 32-bit [`Stamp`], the low word, and whoever drains their ring extends it.
+//! *Design.* Conversions to ns and µs are exact and do not divide ([`divide`]). An interrupt that
+//! must be short takes a 32-bit [`Stamp`], the low word; the task that reads its ring extends it.
 //!
-//! *Limits.* The figures assume a core clock of exactly [`CORE_HZ`]; what the
-//! crystal really does is for the discipline of the UTC clock to find out.
+//! *Limits.* The conversions assume exactly [`CORE_HZ`]. The UTC clock corrects for what the
+//! crystal really does.
 
 use crate::division::divide;
 
-/// The core clock of the Pixhawk 1, in Hz: 24 MHz crystal, PLL M = 24, N = 336,
-/// P = 2 (PX4 `boards/px4/fmu-v2`, `board.h`).
+/// The core clock of the Pixhawk 1, in Hz: 24 MHz crystal, PLL M = 24, N = 336, P = 2
+/// (PX4 `boards/px4/fmu-v2`, `board.h`).
 pub const CORE_HZ: u32 = 168_000_000;
 
-/// Core cycles a µs, exactly.
+/// Core cycles in a µs, exactly.
 pub(crate) const CYCLES_PER_US: u64 = CORE_HZ as u64 / 1_000_000;
 
 /// Time since boot, in cycles of the core clock.
@@ -89,9 +87,9 @@ impl Cycles {
     }
 }
 
-/// The low 32 bits of [`Cycles`]: what an interrupt stamps a byte with.
+/// The low 32 bits of [`Cycles`], which an interrupt gives to a byte.
 ///
-/// It names a moment for 25.5 s; extend it before.
+/// It is unambiguous for 25.5 s, so it has to be extended before.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Stamp(pub u32);
 
@@ -105,7 +103,7 @@ impl Stamp {
     }
 }
 
-/// One byte off a serial line, with the stamp that its interrupt gave it.
+/// One byte of a serial line, with the stamp that its interrupt gave it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StampedByte {
     /// When the byte had arrived.

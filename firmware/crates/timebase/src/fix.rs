@@ -13,18 +13,18 @@ pub struct Fix {
     pub fix_ok: bool,
     /// `numSV`: satellites used.
     pub satellites: u8,
-    /// `lat`. [10⁻⁷ degrees]
+    /// `lat`, in 10⁻⁷ degrees.
     pub latitude_1e7_deg: i32,
-    /// `lon`. [10⁻⁷ degrees]
+    /// `lon`, in 10⁻⁷ degrees.
     pub longitude_1e7_deg: i32,
-    /// `hMSL`: height above mean sea level. [mm]
+    /// `hMSL`: height above mean sea level, in mm.
     pub height_msl_mm: i32,
-    /// `hAcc`: horizontal accuracy. [mm]
+    /// `hAcc`: horizontal accuracy, in mm.
     pub horizontal_accuracy_mm: u32,
-    /// `vAcc`: vertical accuracy. [mm]
+    /// `vAcc`: vertical accuracy, in mm.
     pub vertical_accuracy_mm: u32,
-    /// `gSpeed`: speed over ground. [mm/s]
+    /// `gSpeed`: speed over ground, in mm/s.
     pub ground_speed_mm_s: i32,
-    /// `headMot`: heading of motion. [10⁻⁵ degrees]
+    /// `headMot`: heading of motion, in 10⁻⁵ degrees.
     pub heading_1e5_deg: i32,
 }

@@ -1,16 +1,13 @@
-//! The marks: moments as the receiver tells them, and when they were told.
+//! Moments as the receiver states them, each with the moment at which it arrived.
 //!
-//! *Purpose.* The values that travel from the receiver's line and from its time
-//! pulse to the clock.
+//! *Purpose.* The values that go from the receiver's line and from its time pulse to the clock.
 //!
-//! *Design.* They carry the receiver's own words (calendar fields, claims,
-//! accuracy) unjudged: what they are worth is the clock's business.
-//!
-//! *Limits.* Nothing here has been checked: a month may be 13.
+//! *Design.* They have the receiver's own fields, claims and accuracy. Nothing is checked, a month
+//! may be 13: to judge them is the clock's work.
 
 use crate::Cycles;
 
-/// A moment of UTC as a receiver told it, with the time at which it was told.
+/// A moment of UTC as the receiver states it, and when the message arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TimeMark {
     /// When the first byte of the message had arrived.
@@ -31,7 +28,7 @@ pub struct PulseMark {
     pub edge: Cycles,
 }
 
-/// What the receiver says about its next time pulse (UBX-TIM-TP).
+/// What the receiver announces about its next time pulse (UBX-TIM-TP).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PulseForecast {
     /// When the first byte of the message had arrived: before the pulse.

@@ -3,17 +3,16 @@
 //! *Purpose.* Cycles since boot at any moment, from any interrupt, exact to one
 //! cycle, even after interrupts were masked for many periods.
 //!
-//! *The race.* SysTick counts down and pends its exception when it wraps, once,
-//! however many wraps pass. A reader that adds the counter to a software count
-//! of wraps has to know whether the wrap that it sees has been counted yet, and
-//! no flag of SysTick tells how many were not.
+//! *The race.* SysTick counts down and pends its exception when it wraps, but only once, even if
+//! several wraps pass. A reader that adds the counter to a software count of wraps has to know
+//! whether the last wrap has been counted yet, and no flag of SysTick says how many were not.
 //!
 //! *Design.* The software keeps an *anchor*: the time of a wrap, and what a second,
 //! free-running 32-bit counter of the same clock (the *witness*, TIM5) showed
-//! then. A reader takes the anchor, the witness and the counter with interrupts
-//! masked. The witness says how long ago the anchor was to within a few cycles;
-//! the counter says exactly how far the present period is. The only time near the
-//! first that agrees with the second is the answer:
+//! then. A reader reads the anchor, the witness and the counter with interrupts
+//! masked. The witness gives the time since the anchor to within a few cycles; the
+//! counter gives exactly how much of the present period has passed. Only one time
+//! near the first agrees with the second, and that is the answer:
 //!
 //! ```text
 //! coarse  = RATIO · (witness − witness at the anchor)
@@ -21,20 +20,20 @@
 //! elapsed = periods · PERIOD − down_count
 //! ```
 //!
-//! It asks no flag and changes nothing, so every interrupt may do it. The tick
-//! interrupt moves the anchor on by one period, or by as many as have passed.
+//! It reads no flag and changes nothing, so every interrupt may do it. The tick
+//! interrupt moves the anchor forward by one period, or by as many as have passed.
 //!
 //! *Why it is right.* `coarse` differs from the elapsed time by less than half a
 //! period, so the rounding gives the one whole number for which `elapsed`
 //! is the time of the counter's reading; a count of 0 belongs to the new period
-//! and needs no special case. Nobody sees an anchor half moved: readers below
-//! the tick's priority cannot run while it runs, and mask it while they read.
+//! and needs no special case. No reader finds an anchor that is half moved: readers
+//! below the tick's priority cannot run while it runs, and mask it while they read.
 //!
 //! *Limits.* Readers run at or below the priority of the tick interrupt. The two
 //! counters are read within a quarter of a period of each other
 //! ([`CounterPair::read_pair`]). The anchor moves at least every 12 s (2³¹ cycles),
-//! so interrupts must not be masked for longer. `tests/interleavings.rs` walks
-//! through every interleaving of a reader, the tick and a second interrupt.
+//! so interrupts must not be masked for longer. `tests/interleavings.rs` tries
+//! every interleaving of a reader, the tick and a second interrupt.
 
 use crate::{Cycles, Stamp};
 
@@ -51,12 +50,12 @@ pub enum Word {
     LostTicks,
 }
 
-/// The two hardware counters and the shared words, as the firmware's time driver
-/// or a model of it has them.
+/// The two hardware counters and the shared words: the firmware's time driver, or a
+/// model of it in a test.
 pub trait CounterPair {
     /// Core cycles from wrap to wrap of the down-counter.
     const PERIOD: u32;
-    /// Core cycles a count of the witness; divides [`Self::PERIOD`].
+    /// Core cycles in a count of the witness; divides [`Self::PERIOD`].
     const RATIO: u32;
 
     /// Reads `(witness, down_count)` within a quarter of a period of each other.
@@ -74,17 +73,16 @@ pub trait CounterPair {
 
 /// Sets the anchor to cycle 0 at the wrap before this moment.
 ///
-/// Both counters run already. Whatever time lies between starting one and the
-/// other is measured here, once, and cancels in every reading. The witness is
-/// read last, so that it never shows more than the time that has passed: a tick
-/// that it calls due is due.
+/// Both counters run already. The time between the start of one and the start of the other is
+/// measured here, once, and cancels in every reading. The witness is read last, so that it
+/// never shows more than the time that has passed: a tick that is due by the witness is due.
 #[inline]
 pub fn start<C: CounterPair>(counters: &C) {
     counters.masked(|| {
         let (down_count, witness) = loop {
             let (before, down_count) = counters.read_pair();
             let after = counters.read_witness();
-            // On an emulator the host may stop us in between.
+            // On an emulator the host may pause us in between.
             if after.wrapping_sub(before) < C::PERIOD / C::RATIO / 4 {
                 break (down_count, after);
             }
@@ -132,8 +130,8 @@ pub const fn first_showing(down_count: u32, period: u32, now: Cycles) -> Cycles 
 /// The tick interrupt in the plain case: one period has passed, and most of the
 /// next has not. Moves the anchor to the wrap and returns its time.
 ///
-/// `None` when the witness alone cannot tell: nothing was done, and [`repair`] has
-/// to look closer. A witness that lags costs such a look; it is never wrong.
+/// `None` when the witness alone is not enough to decide: nothing was done, and [`repair`] has
+/// to be called. A witness that lags can cause such a call, but never a wrong result.
 #[inline(always)]
 pub fn on_tick<C: CounterPair>(counters: &C) -> Option<Stamp> {
     let one_period = counters
@@ -147,24 +145,23 @@ pub fn on_tick<C: CounterPair>(counters: &C) -> Option<Stamp> {
     })
 }
 
-/// How late a tick may be, in counts of the witness, to be called plain: a power of
-/// two, which is cheap to compare with, that leaves at least a 64th of a period for
-/// what the witness may be off.
+/// How late a tick may be to count as plain, in counts of the witness: a power of two, which is
+/// cheap to compare with, that leaves at least a 64th of a period for the error of the witness.
 const fn plainly_late<C: CounterPair>() -> u32 {
     let period = C::PERIOD / C::RATIO;
     1 << (period - period.div_ceil(64)).ilog2()
 }
 
-/// The tick interrupt in every other case: it came late, after others were lost, or
-/// for a wrap that an earlier repair has counted already. Moves the anchor past all
-/// that went by and returns its time.
+/// The tick interrupt in every other case: it came late, after others were lost, or for a wrap
+/// that an earlier repair has counted already. Moves the anchor to the last wrap and returns its
+/// time.
 #[inline]
 pub fn repair<C: CounterPair>(counters: &C) -> Stamp {
     let since = Since::read(counters);
     let wraps = since.elapsed::<C>().max(0).cast_unsigned() / C::PERIOD;
     let lost = counters.load(Word::LostTicks);
-    // Wraps without an interrupt; a repair that ran ahead of a pending one is
-    // made good when that comes and finds nothing to count.
+    // Wraps without an interrupt. A repair may count the wrap of an interrupt that is still
+    // pending; that one finds nothing to count, and takes the surplus back here.
     counters.store(Word::LostTicks, lost.wrapping_add(wraps).wrapping_sub(1));
     let anchor = load_anchor(counters).wrapping_add(u64::from(wraps * C::PERIOD));
     let witness = wraps * (C::PERIOD / C::RATIO);
@@ -204,9 +201,9 @@ impl Since {
         }
     }
 
-    /// Cycles from the anchor to the reading of the down-counter. Never negative
-    /// where the two counters keep step; an emulator's may not for a moment, and
-    /// then a little less than 0 must not become 25 s.
+    /// Cycles from the anchor to the reading of the down-counter. On an emulator the two
+    /// counters may be out of step for a moment: then it is signed, so that a little less than
+    /// 0 does not become 25 s.
     #[inline(always)]
     fn elapsed<C: CounterPair>(&self) -> i32 {
         let coarse = self

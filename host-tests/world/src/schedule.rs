@@ -17,7 +17,7 @@
 //! | other messages before each mark | 100 ms, 240 s |
 //! | lag on a full line | 6 s, 10 to 240 s, or from before the start |
 //! | labels off | 1 ms to 1 s for 60 s; an hour for 200 s; one label by 1 s |
-//! | the first marks early or late | 110 ms, 5 marks |
+//! | the first marks early or late | 110 ms, 3 marks |
 //! | leap count not resolved | 750 s; 4 and 15 to 18 for 18 |
 //! | restarts | another date until the end; another leap count for 60 s |
 //! | pulse of our width at another phase | without TIM-TP's word until the end, with it for 20 s |

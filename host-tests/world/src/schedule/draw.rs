@@ -23,9 +23,9 @@ const MOST_FLOOR_MS: f64 = 145.0;
 /// Faults begin before this, in s.
 const LAST_BEGIN_S: f64 = 1_000.0;
 /// A stretch without anything that keeps a clock from being set, in s.
-const SETTLED_S: f64 = 45.0;
+const SETTLED_S: f64 = 30.0;
 /// A pulse was followed for so long before it shifts, in s.
-const FOLLOWED_S: f64 = 75.0;
+const FOLLOWED_S: f64 = 30.0;
 /// Attempts at a fault that keeps the rules.
 const ATTEMPTS: usize = 200;
 
@@ -204,7 +204,7 @@ impl Schedule {
                 && others.into_iter().all(|fault| {
                     !touches_pulse(&fault.kind)
                         || fault.until_s <= needed.start
-                        || needed.end + SETTLED_S <= fault.from_s
+                        || needed.end + FOLLOWED_S <= fault.from_s
                 })
         });
         let drifts_ok = of(drifts_from_its_second).all(|drift| {
@@ -442,7 +442,7 @@ fn lag(rng: &mut Rng, _: &FieldReceiver) -> Fault {
 fn first_marks(rng: &mut Rng, _: &FieldReceiver) -> Fault {
     let by_ms = reach(rng, 5.0, 110.0);
     let by_ms = either_sign(rng, by_ms);
-    let marks = rng.u8(1..=5);
+    let marks = rng.u8(1..=3);
     Fault {
         from_s: 0.0,
         until_s: 15.0,

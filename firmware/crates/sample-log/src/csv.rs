@@ -1,10 +1,10 @@
-//! The file that a log makes: comma-separated values, a header and a line for each sample.
+//! The file of a log: comma-separated values, a header and a line for each sample.
 //!
 //! *Design.* Every line has the same length, so that any stretch of the file can be made from the
-//! samples in it alone. Numbers have leading zeros for that, which every program that reads such
-//! files takes off again; what a shorter state leaves free goes to the sequence number.
+//! samples in it alone. Numbers have leading zeros for that, which programs that read such
+//! files ignore. The sequence number is longer where the state is shorter.
 //!
-//! *Limits.* A time before 1970 is told as 0. Lines end as RFC 4180 has it.
+//! *Limits.* A time before 1970 is written as 0. Lines end with CR and LF (RFC 4180).
 
 use timebase::divide;
 
@@ -24,7 +24,7 @@ const BOARD_DIGITS: usize = 19;
 /// Digits of the uncertainty: enough for `u32`.
 const UNCERTAINTY_DIGITS: usize = 10;
 
-/// The length of the file of a log with so many samples, in bytes; `u32::MAX` beyond 4 GB.
+/// The length of the file of a log with that number of samples, in bytes; `u32::MAX` beyond 4 GB.
 #[must_use]
 pub const fn file_len(samples: u32) -> u32 {
     samples.saturating_add(1).saturating_mul(LINE as u32)
@@ -34,7 +34,7 @@ pub const fn file_len(samples: u32) -> u32 {
 #[must_use]
 pub fn line(sample: &Sample) -> [u8; LINE] {
     let mut line = [b','; LINE];
-    // From its end to its beginning.
+    // Filled from its end to its beginning.
     let free = write(&mut line, b"\r\n");
     let free = digits(free, UNCERTAINTY_DIGITS, sample.uncertainty_ns.into());
     let free = write(free, b",");
@@ -49,9 +49,9 @@ pub fn line(sample: &Sample) -> [u8; LINE] {
     line
 }
 
-/// Makes the stretch of the file that begins at `offset`, as much of it as `out` has room for, of
-/// a log with `samples`; `get` has them by their place. The number of bytes that were made: fewer
-/// than asked for at the end of the file, or where `get` has none.
+/// Fills `out` with the file from `offset` on, for a log of that number of samples; `get` returns
+/// a sample by its index. Returns the number of bytes: fewer than `out` has room for at the end of
+/// the file, or where `get` returns none.
 pub fn read(
     offset: u32,
     out: &mut [u8],
@@ -85,7 +85,7 @@ pub fn read(
     made
 }
 
-/// Writes `text` at the end of `line`; what is before it.
+/// Writes `text` at the end of `line`, and returns what is before it.
 fn write<'a>(line: &'a mut [u8], text: &[u8]) -> &'a mut [u8] {
     let (free, place) = line.split_at_mut(line.len().saturating_sub(text.len()));
     for (place, byte) in place.iter_mut().zip(text) {
@@ -94,9 +94,10 @@ fn write<'a>(line: &'a mut [u8], text: &[u8]) -> &'a mut [u8] {
     free
 }
 
-/// Writes the last `count` digits of a number at the end of `line`; what is before them.
+/// Writes the last `count` digits of a number at the end of `line`, and returns what is before
+/// them.
 fn digits(line: &mut [u8], count: usize, mut number: u64) -> &mut [u8] {
-    /// Digits of a word, in which a division is one instruction.
+    /// Digits that fit into a word, for which a division is one instruction.
     const AT_ONCE: usize = 9;
     const BEYOND: u64 = 10_u64.pow(AT_ONCE as u32);
     let (free, place) = line.split_at_mut(line.len().saturating_sub(count));
@@ -140,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_says_what_the_header_promises() {
+    fn a_line_has_the_columns_of_the_header() {
         let lines = [0, 1, 0xff_fffe].map(|index| line(&sample(index)));
         let texts = lines.each_ref().map(|line| str::from_utf8(line).unwrap());
         assert_eq!(

@@ -13,12 +13,12 @@ pub enum Test {
     Ends,
 }
 
-/// What became of a sample.
+/// What happened to a sample that was given to the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kept {
     /// It is in the log.
     Kept,
-    /// It is in the log, and there is no room for another one.
+    /// It is in the log, and there is no room for a further one.
     Last,
     /// There was no room for it.
     Full,
@@ -38,8 +38,7 @@ pub struct SampleLog<'a> {
 }
 
 impl<'a> SampleLog<'a> {
-    /// An empty log that fills `older` and then `newer`. More than 2³² − 1 records in all are of
-    /// no use.
+    /// An empty log that fills `older` and then `newer`, of which it can use 2³² − 1 records.
     #[must_use]
     pub const fn new(older: &'a mut [Record], newer: &'a mut [Record]) -> Self {
         Self {
@@ -72,7 +71,7 @@ impl<'a> SampleLog<'a> {
         }
     }
 
-    /// Keeps a sample, if it may and can.
+    /// Keeps a sample, unless the log is frozen or full.
     pub fn record(&mut self, sample: &Sample) -> Kept {
         if self.is_frozen {
             return Kept::Frozen;
@@ -94,7 +93,7 @@ impl<'a> SampleLog<'a> {
         }
     }
 
-    /// A sample by its place in the log, from 0 on.
+    /// A sample by its index, from 0 on.
     #[must_use]
     pub fn get(&self, index: u32) -> Option<Sample> {
         if index >= self.len {
@@ -108,20 +107,20 @@ impl<'a> SampleLog<'a> {
         Some(record.unpack(self.first_ping_us))
     }
 
-    /// Samples in it.
+    /// The number of samples in it.
     #[must_use]
-    #[expect(clippy::len_without_is_empty, reason = "nobody asks")]
+    #[expect(clippy::len_without_is_empty, reason = "it would have no user")]
     pub const fn len(&self) -> u32 {
         self.len
     }
 
-    /// Samples that it has room for.
+    /// The number of samples that it has room for.
     #[must_use]
     pub const fn capacity(&self) -> u32 {
         (self.older.len() + self.newer.len()) as u32
     }
 
-    /// Samples that found it full since it was cleared; wraps.
+    /// The number of samples that found it full since it was cleared; wraps.
     #[must_use]
     pub const fn missed(&self) -> u32 {
         self.missed

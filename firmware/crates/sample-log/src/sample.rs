@@ -1,12 +1,12 @@
-//! A sample, and the 16 bytes that it is kept in.
+//! A sample, and the 16 bytes in which it is kept.
 //!
 //! *Design.* Four words: the board's time in two, the PING's time since the first one's, and a word
 //! with 24 bits of sequence number, two of state and six of uncertainty. The uncertainty is coded by
-//! its logarithm, in steps of √2, rounded up: an interval that holds UTC still does after it.
+//! its logarithm, in steps of √2, rounded up, so that an interval that holds UTC still does.
 
 use timebase::ClockState;
 
-/// One PING, as the board that was asked saw it.
+/// One PING, as the board received it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sample {
     /// The board's time at the PING's arrival, in ns: UTC since 1970, or since boot while unset.
@@ -22,7 +22,7 @@ pub struct Sample {
     pub uncertainty_ns: u32,
 }
 
-/// A sample as it is kept.
+/// A sample as the log keeps it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(transparent)]
 pub struct Record([u32; 4]);
@@ -37,7 +37,7 @@ const UNCERTAINTY_SHIFT: u32 = STATE_SHIFT + 2;
 const UNKNOWN: u32 = 63;
 
 impl Record {
-    /// Memory that holds no sample yet: zeros, so that it takes no room in an image.
+    /// Memory without a sample: zeros, so that it takes no flash.
     pub const EMPTY: Self = Self([0; 4]);
 
     /// Packs a sample; the first PING of the log was sent at `first_us`.
@@ -54,7 +54,7 @@ impl Record {
         ])
     }
 
-    /// The sample, as far as it was kept.
+    /// The sample, with what the record has of it.
     #[must_use]
     pub(crate) const fn unpack(self, first_us: u64) -> Sample {
         let Self([low, high, since_first_us, rest]) = self;
@@ -71,7 +71,7 @@ impl Record {
     }
 }
 
-/// The smallest code that stands for `ns` or more.
+/// The least code whose value is `ns` or more.
 const fn code(ns: u32) -> u32 {
     // The even code at or below it, and then up by one or two.
     let even = 2 * (u32::BITS - (ns >> 1).leading_zeros());
@@ -82,7 +82,7 @@ const fn code(ns: u32) -> u32 {
     code
 }
 
-/// What a code stands for, in ns: 2^(code / 2), rounded up.
+/// The value of a code, in ns: 2^(code / 2), rounded up.
 const fn least_of(code: u32) -> u32 {
     /// √2 · 2³¹, rounded up.
     const ROOT: u64 = 3_037_000_500;
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn each_code_stands_for_itself() {
+    fn the_value_of_a_code_has_that_code() {
         for code_kept in 0..=UNKNOWN {
             // 1 ns and 2 ns have neighbours that round to the same.
             let ns = least_of(code_kept);

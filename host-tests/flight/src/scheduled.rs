@@ -2,7 +2,7 @@
 
 use world::schedule::Schedule;
 
-use crate::{Crystal, Flight, Header, Knot, PulseShape, Window};
+use crate::{Crystal, Flight, Header, Knot, LeapStep, PulseShape, Window, WorldPicos};
 
 /// Each fault is a window, and its figures are a comment.
 impl From<&Schedule> for Flight {
@@ -17,6 +17,11 @@ impl From<&Schedule> for Flight {
             until_s: fault.until_s.min(schedule.lasts_s),
             name: fault.kind.name().to_owned(),
         });
+        // True UTC goes on through second 60 and steps at its end.
+        let leaps = schedule.leap_at_s.iter().map(|leap_s| LeapStep {
+            at: WorldPicos::from_secs(leap_s + 1.0),
+            by_ns: -1_000_000_000,
+        });
         let mut comments = vec![
             format!("seed {}", schedule.seed),
             format!("{:?}", schedule.receiver),
@@ -26,6 +31,7 @@ impl From<&Schedule> for Flight {
             header: Header {
                 crystal: Crystal::new(knots),
                 start_utc_ns: schedule.start_utc_ns,
+                leaps: leaps.collect(),
                 pulse: Some(PulseShape {
                     width_ns: (schedule.receiver.width_ms * 1e6) as u32,
                     is_high: true,

@@ -25,6 +25,7 @@ pub(crate) enum Stream {
     ScheduleMessages,
     ScheduleLeap,
     ScheduleWire,
+    ScheduleEvent,
 }
 
 /// The stream `purpose` of the world `seed`.

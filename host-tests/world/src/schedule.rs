@@ -49,6 +49,9 @@ pub struct Schedule {
     pub lasts_s: f64,
     /// True UTC at its start, in ns since 1970; a whole second.
     pub start_utc_ns: i64,
+    /// The first moment of a leap second, which has long been announced: a whole second,
+    /// at the end of a day of UTC.
+    pub leap_at_s: Option<f64>,
     /// The receiver.
     pub receiver: FieldReceiver,
     /// The board's crystal: at these seconds it is fast by so many ppm, and linear
@@ -87,6 +90,8 @@ pub struct FieldReceiver {
     pub valid_from_s: f64,
     /// Where its leap count comes from, as NAV-TIMELS tells it.
     pub leap_source: u8,
+    /// It counts to the end of second 60, not to its start.
+    pub is_event_late: bool,
 }
 
 /// Something that goes wrong for a while.
@@ -426,6 +431,17 @@ impl Schedule {
             .sum();
         // No receiver tells an epoch before it is over.
         (self.receiver.floor_ms + moved).max(MIN_FLOOR_MS)
+    }
+
+    /// Whether the leap second is over at a moment.
+    fn is_after_leap(&self, at_s: f64) -> bool {
+        self.leap_at_s.is_some_and(|leap_s| leap_s + 1.0 <= at_s)
+    }
+
+    /// True UTC at a moment, in ns since 1970; in second 60 as in the second after it.
+    fn utc_ns(&self, at_ns: i64) -> i64 {
+        let leapt_ns = i64::from(self.is_after_leap(at_ns as f64 * 1e-9)) * 1_000_000_000;
+        self.start_utc_ns + at_ns - leapt_ns
     }
 
     /// The faults that are there at a moment.

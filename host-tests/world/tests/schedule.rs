@@ -17,6 +17,7 @@ fn schedule(faults: Vec<Fault>) -> Schedule {
         seed: 1,
         lasts_s: 60.0,
         start_utc_ns: START_S * 1_000_000_000,
+        leap_at_s: None,
         receiver: FieldReceiver {
             period_ms: 200,
             floor_ms: 70.0,
@@ -30,6 +31,7 @@ fn schedule(faults: Vec<Fault>) -> Schedule {
             t_acc_ns: 25,
             valid_from_s: 0.0,
             leap_source: 2,
+            is_event_late: false,
         },
         crystal: vec![(0.0, 20.0)],
         faults,
@@ -49,7 +51,7 @@ fn marks(schedule: &Schedule) -> Vec<(f64, f64, f64)> {
     let of = |event: &Event| match event.kind {
         EventKind::Mark {
             utc_ns, busy_us, ..
-        } => Some((
+        } if schedule.leap_at_s.is_none() => Some((
             event.at.as_secs(),
             (utc_ns - schedule.start_utc_ns) as f64 * 1e-9,
             busy_us.expect("somebody looked") as f64 * 1e-6,
@@ -401,6 +403,61 @@ fn a_count_that_is_not_resolved_is_asked_for_each_10_s() {
     }
     let has = |at_s| schedule.calm().has(at_s);
     assert!(!has(25.0 + 11.0 + 74.0) && has(25.0 + 11.0 + 75.0));
+}
+
+#[test]
+fn a_leap_second_is_announced_told_and_counted() {
+    let mut schedule = schedule(Vec::new());
+    // 20 s before midnight.
+    schedule.start_utc_ns = (START_S / 86_400 * 86_400 - 20) * 1_000_000_000;
+    schedule.leap_at_s = Some(20.0);
+    let midnight_ns = schedule.start_utc_ns + 20_000_000_000;
+    let mut answers = Vec::new();
+    let mut in_second_60 = Vec::new();
+    for event in schedule.events() {
+        match event.kind {
+            EventKind::TimeLs {
+                count,
+                change,
+                to_event_s,
+                ..
+            } => answers.push((event.at.as_secs() as i64, count, change, to_event_s)),
+            EventKind::Mark60 { nano, .. } => in_second_60.push(nano / 1_000_000),
+            EventKind::Mark { utc_ns, .. } => {
+                // Arrivals are less than 0.2 s after their epoch.
+                let since_ns = event.at.as_nanos() - 20_000_000_000;
+                let leapt_ns = if since_ns > 0 { 1_000_000_000 } else { 0 };
+                let late_ns = since_ns - leapt_ns - (utc_ns - midnight_ns);
+                assert!((0..200_000_000).contains(&late_ns), "{utc_ns}");
+            }
+            EventKind::TimTp { names, .. } => {
+                let name = names.expect("it names one");
+                let named_s = i64::from(name.tow_ms / 1_000) - midnight_ns / 1_000_000_000
+                    + GPS_EPOCH_S
+                    + i64::from(name.week) * 604_800;
+                let pulse_s = event.at.as_secs() as i64 + 1 - 20;
+                assert_eq!(named_s, pulse_s - i64::from(pulse_s > 0));
+            }
+            EventKind::Rise | EventKind::Fall => {}
+        }
+    }
+    assert_eq!(in_second_60, [0, 200, 400, 600, 800]);
+    assert_eq!(
+        answers,
+        [
+            (1, 18, 1, 19),
+            (11, 18, 1, 9),
+            (21, 19, 0, -1),
+            (31, 19, 0, -11),
+            (41, 19, 0, -21),
+            (51, 19, 0, -31)
+        ]
+    );
+    assert!(!schedule.calm().has(21.9) && !schedule.calm().has(70.0));
+    assert!(
+        schedule.calm().has(75.0),
+        "a leap second excuses itself alone"
+    );
 }
 
 #[test]

@@ -59,6 +59,10 @@ impl Schedule {
             0.0
         };
         let mut wrong = vec![(f64::NEG_INFINITY, known_s, after)];
+        if let Some(leap_s) = self.leap_at_s {
+            // The second itself may be ambiguous, and the one in which it is noticed.
+            wrong.push((leap_s, leap_s + 2.0, 0.0));
+        }
         for fault in &self.faults {
             let (from, until) = (fault.from_s, fault.until_s);
             match fault.kind {

@@ -26,6 +26,11 @@ const LAST_BEGIN_S: f64 = 1_000.0;
 const SETTLED_S: f64 = 30.0;
 /// A pulse was followed for so long before it shifts, in s.
 const FOLLOWED_S: f64 = 30.0;
+/// One schedule in so many has a leap second.
+const EVENT_ONE_IN: u32 = 12;
+/// Around a leap second no count and no label is wrong, in s.
+const EVENT_ALONE_S: f64 = 130.0;
+const DAY_S: i64 = 86_400;
 /// Attempts at a fault that keeps the rules.
 const ATTEMPTS: usize = 200;
 
@@ -130,17 +135,34 @@ impl Schedule {
                 reach(rng, 1.0, 60.0).round()
             },
             leap_source: [2, 2, 2, 3, 4, 5][rng.usize(..6)],
+            is_event_late: false,
         };
         let start_s = rng.i64(DAYS_S);
         let crystal = crystal(rng);
-        Self {
+        let mut schedule = Self {
             seed,
             lasts_s: LASTS_S,
             start_utc_ns: start_s * 1_000_000_000,
+            leap_at_s: None,
             receiver,
             crystal,
             faults: Vec::new(),
+        };
+        schedule.draw_event();
+        schedule
+    }
+
+    /// In one schedule of so many, a leap second at the end of its day.
+    fn draw_event(&mut self) {
+        let mut rng = stream(self.seed, Stream::ScheduleEvent);
+        if rng.u32(..EVENT_ONE_IN) != 0 {
+            return;
         }
+        let leap_s = between(&mut rng, 300.0, LAST_BEGIN_S).floor();
+        let day_s = self.start_utc_ns / 1_000_000_000 / DAY_S * DAY_S;
+        self.start_utc_ns = (day_s - leap_s as i64) * 1_000_000_000;
+        self.leap_at_s = Some(leap_s);
+        self.receiver.is_event_late = rng.bool();
     }
 
     /// Adds a fault that begins within `within`, if that is one; says whether one was
@@ -186,6 +208,7 @@ impl Schedule {
     ///   alone, which must not be held back by a lag.
     /// - Wrong labels stand for less than 300 s: after that they are the reason to start
     ///   anew.
+    /// - A leap second is told by the count alone: around it, no label and no count is wrong.
     /// - The floor stays between 5 and 145 ms.
     #[must_use]
     pub fn is_tellable(&self) -> bool {
@@ -216,6 +239,7 @@ impl Schedule {
             && shifts_ok
             && drifts_ok
             && self.once_each()
+            && self.event_alone()
             && self.floor_stays()
     }
 
@@ -227,6 +251,22 @@ impl Schedule {
         count(|kind| matches!(kind, FaultKind::LeapUnresolved { .. })) <= 1
             && count(|kind| matches!(kind, FaultKind::FirstMarks { .. })) <= 1
             && count(|kind| matches!(kind, FaultKind::Lag { rise_s: 0.0, .. })) <= 1
+    }
+
+    fn event_alone(&self) -> bool {
+        let Some(leap_s) = self.leap_at_s else {
+            return true;
+        };
+        self.faults.iter().all(|fault| {
+            let tells_second = fault.kind.is_contradiction()
+                || matches!(
+                    fault.kind,
+                    FaultKind::Labels { .. } | FaultKind::LeapUnresolved { .. }
+                );
+            !tells_second
+                || fault.until_s + EVENT_ALONE_S < leap_s
+                || leap_s + EVENT_ALONE_S < fault.from_s
+        })
     }
 
     fn floor_stays(&self) -> bool {

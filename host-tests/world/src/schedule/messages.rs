@@ -27,6 +27,9 @@ const FIRST_POLL_S: f64 = 1.05;
 /// From poll to poll until the count is known, and then, in s.
 const POLL_UNRESOLVED_S: f64 = 10.0;
 const POLL_RESOLVED_S: f64 = 600.0;
+/// Around an event it polls often, from so long before to so long after, in s.
+const POLL_BEFORE_EVENT_S: f64 = 60.0;
+const POLL_AFTER_EVENT_S: f64 = 120.0;
 /// A contradicted second is asked about after so long, in s.
 const POLL_CONTRADICTED_S: f64 = 1.0;
 /// The start of GPS weeks, in s since 1970.
@@ -97,12 +100,7 @@ impl Schedule {
                 ready.push(Ready {
                     at_ns: ready_ns,
                     bytes: NAV_PVT_BYTES,
-                    kind: EventKind::Mark {
-                        utc_ns: self.start_utc_ns + epoch_ns + label_ns,
-                        t_acc_ns: belief.t_acc_ns,
-                        valid: belief.valid,
-                        busy_us: None,
-                    },
+                    kind: self.nav_pvt(epoch_ns, label_ns, &belief),
                 });
             }
             if receiver.has_pulse && epoch_ns % NS_PER_S == 0 {
@@ -124,6 +122,26 @@ impl Schedule {
             }
         }
         ready
+    }
+
+    /// NAV-PVT of an epoch whose label is ahead.
+    fn nav_pvt(&self, epoch_ns: i64, label_ns: i64, belief: &Belief) -> EventKind {
+        let since_leap_ns = self
+            .leap_at_s
+            .map(|leap_s| epoch_ns - (leap_s * 1e9) as i64)
+            .filter(|since_ns| (0..NS_PER_S).contains(since_ns));
+        match since_leap_ns {
+            Some(nano) if label_ns == 0 => EventKind::Mark60 {
+                nano: nano as i32,
+                busy_us: None,
+            },
+            _ => EventKind::Mark {
+                utc_ns: self.utc_ns(epoch_ns) + label_ns,
+                t_acc_ns: belief.t_acc_ns,
+                valid: belief.valid,
+                busy_us: None,
+            },
+        }
     }
 
     /// How much later than the least latency a message is, in ms.
@@ -172,7 +190,7 @@ impl Schedule {
                 u32::MAX
             },
             leap_source: if has_time { receiver.leap_source } else { 0 },
-            leap_count: LEAP_COUNT,
+            leap_count: LEAP_COUNT + i8::from(self.is_after_leap(at_s)),
             is_leap_early: false,
             flags: if has_time { 0x0b } else { 0x11 },
         };
@@ -259,7 +277,8 @@ impl Schedule {
         let tick: i32 = rng.i32(-10_400..=10_400);
         let mut late_ps = late_ps;
         let mut flags = belief.flags;
-        let mut name_ms = (second + 1 + belief.name_s) * 1_000;
+        let pulse_ms = self.utc_ns((second + 1) * NS_PER_S) / 1_000_000;
+        let mut name_ms = pulse_ms + belief.name_s * 1_000;
         for fault in self.faults_at(pulse_s) {
             match fault.kind {
                 FaultKind::PulseFreeRun { is_told: false, .. } => return None,
@@ -290,7 +309,7 @@ impl Schedule {
                 _ => {}
             }
         }
-        let since_ms = self.start_utc_ns / 1_000_000 - GPS_EPOCH_S * 1_000 + name_ms;
+        let since_ms = name_ms - GPS_EPOCH_S * 1_000;
         let week = since_ms.div_euclid(WEEK_S * 1_000);
         Some(EventKind::TimTp {
             late_ps,
@@ -338,7 +357,7 @@ impl Schedule {
                 .faults_at(poll_s)
                 .any(|fault| fault.kind.is_contradiction());
             let next_s = if is_resolved && !belief.is_silent && !contradicted {
-                poll_s + POLL_RESOLVED_S
+                self.next_poll_s(poll_s)
             } else {
                 poll_s + POLL_UNRESOLVED_S
             };
@@ -348,20 +367,42 @@ impl Schedule {
         answers
     }
 
+    /// When the firmware polls again where the count is known: often around an event.
+    fn next_poll_s(&self, poll_s: f64) -> f64 {
+        let seldom_s = poll_s + POLL_RESOLVED_S;
+        let Some(leap_s) = self.leap_at_s else {
+            return seldom_s;
+        };
+        let around = leap_s - POLL_BEFORE_EVENT_S..leap_s + POLL_AFTER_EVENT_S;
+        if around.contains(&poll_s) {
+            poll_s + POLL_UNRESOLVED_S
+        } else if poll_s < around.start {
+            seldom_s.min(around.start)
+        } else {
+            seldom_s
+        }
+    }
+
     fn time_ls(&self, at_s: f64, belief: &Belief) -> EventKind {
         let has_sky = belief.leap_source != 0;
-        let since_leap_s = self.start_utc_ns / NS_PER_S + at_s as i64 - LAST_LEAP_S;
-        let to_event_s = if belief.is_leap_early {
-            MONTHS_S
-        } else if has_sky {
-            -since_leap_s as i32
-        } else {
-            0
+        let mut change = 0;
+        let to_event_s = match self.leap_at_s {
+            _ if !has_sky => 0,
+            _ if belief.is_leap_early => MONTHS_S,
+            Some(leap_s) => {
+                change = i8::from(!self.is_after_leap(at_s));
+                let late_s = f64::from(u8::from(self.receiver.is_event_late));
+                (leap_s + late_s - at_s).ceil() as i32
+            }
+            None => {
+                let since_s = self.start_utc_ns / NS_PER_S + at_s as i64 - LAST_LEAP_S;
+                -since_s as i32
+            }
         };
         EventKind::TimeLs {
             source: belief.leap_source,
             count: belief.leap_count,
-            change: 0,
+            change,
             to_event_s,
             busy_us: None,
         }

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::Variant;
+use crate::variant::{DEFAULT_BAUD, Variant};
 
 /// What the image of one board is built with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,7 +15,7 @@ pub struct Image {
 
 impl Image {
     /// The baud rate unless another one is asked for. [Bd]
-    pub const GPS_BAUD: u32 = 115_200;
+    pub const GPS_BAUD: u32 = DEFAULT_BAUD;
 
     /// What is flashed unless another image is asked for.
     pub const STANDARD: Self = Self::of(Variant::STANDARD);

@@ -3,7 +3,7 @@
 use core::fmt;
 use core::str::FromStr;
 
-use crate::Variant;
+use crate::variant::Variant;
 
 /// The name, and the tick behind a colon where there is a choice and it is not pixclock's 50 µs.
 impl fmt::Display for Variant {

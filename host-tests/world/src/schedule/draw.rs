@@ -283,7 +283,7 @@ impl Schedule {
             });
         begins_and_middles
             .map(|at_s| self.floor_ms(at_s))
-            .all(|floor_ms| (super::MIN_FLOOR_MS + 1e-9..MOST_FLOOR_MS).contains(&floor_ms))
+            .all(|floor_ms| (super::plan::MIN_FLOOR_MS + 1e-9..MOST_FLOOR_MS).contains(&floor_ms))
     }
 
     /// Labels that are off by an hour do not follow each other.

@@ -36,5 +36,7 @@ mod wire;
 
 pub use calm::Calm;
 pub use draw::LASTS_S;
-pub use fault::{Fault, FaultKind, LEAP_COUNT, QErrNonsense, RestartLie, TimTpLie};
+pub use fault::{
+    Fault, FaultKind, LEAP_COUNT, PulseWord, QErrNonsense, RestartLie, RestartPulse, TimTpLie,
+};
 pub use plan::{FieldReceiver, Schedule};

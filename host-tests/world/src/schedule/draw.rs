@@ -6,7 +6,10 @@
 
 use fastrand::Rng;
 
-use super::{Fault, FaultKind, FieldReceiver, QErrNonsense, RestartLie, Schedule, TimTpLie};
+use super::{
+    Fault, FaultKind, FieldReceiver, PulseWord, QErrNonsense, RestartLie, RestartPulse, Schedule,
+    TimTpLie,
+};
 use crate::chance::{Stream, even, stream};
 
 /// How long a flight lasts, in s: 20 minutes.
@@ -117,7 +120,7 @@ impl Schedule {
     }
 
     fn without_faults(seed: u64, rng: &mut Rng) -> Self {
-        let periods_ms = [200, 200, 200, 200, 100, 1_000];
+        let periods_ms = [200, 200, 200, 200, 200, 100, 1_000, 60, 40];
         let receiver = FieldReceiver {
             period_ms: periods_ms[rng.usize(..periods_ms.len())],
             floor_ms: between(rng, 20.0, 110.0),
@@ -205,7 +208,7 @@ impl Schedule {
     ///   one needs a clock that followed the pulse right before, or its phase is as good
     ///   as any.
     /// - A pulse that leaves its second as slowly as a crystal moves is told by TIM-TP
-    ///   alone, which must not be held back by a lag.
+    ///   alone, which must not be held back or missing.
     /// - Wrong labels stand for less than 300 s: after that they are the reason to start
     ///   anew.
     /// - A leap second is told by the count alone: around it, no label and no count is wrong.
@@ -231,8 +234,8 @@ impl Schedule {
                 })
         });
         let drifts_ok = of(drifts_from_its_second).all(|drift| {
-            of(|kind| matches!(kind, FaultKind::Lag { .. }))
-                .all(|lag| lag.until_s <= drift.from_s || drift.until_s <= lag.from_s)
+            of(holds_tim_tp_back)
+                .all(|other| other.until_s <= drift.from_s || drift.until_s <= other.from_s)
         });
         labels_ok
             && labels_apart
@@ -345,6 +348,14 @@ const fn touches_pulse(kind: &FaultKind) -> bool {
 
 const fn is_other_receiver(kind: &FaultKind) -> bool {
     matches!(kind, FaultKind::OtherReceiver { .. })
+}
+
+/// Whether TIM-TP comes late, or not at all.
+const fn holds_tim_tp_back(kind: &FaultKind) -> bool {
+    matches!(
+        kind,
+        FaultKind::Lag { .. } | FaultKind::Silence | FaultKind::TimTpLie(TimTpLie::Missing)
+    )
 }
 
 fn drifts_from_its_second(kind: &FaultKind) -> bool {
@@ -539,10 +550,10 @@ fn leap_unresolved(rng: &mut Rng, _: &FieldReceiver) -> Fault {
 
 fn restart(rng: &mut Rng, _: &FieldReceiver) -> Fault {
     let silent_s = reach(rng, 0.5, 30.0);
-    let free_runs_ms = if rng.bool() {
-        Some(between(rng, 1.0, 999.0))
-    } else {
-        None
+    let pulse = match rng.u32(..3) {
+        0 => RestartPulse::Silent,
+        1 => RestartPulse::RunsFreely(between(rng, 1.0, 999.0)),
+        _ => RestartPulse::GoesOn,
     };
     let (lie, lies_s) = match rng.u32(..4) {
         0 => (RestartLie::Nothing, 0.0),
@@ -558,7 +569,7 @@ fn restart(rng: &mut Rng, _: &FieldReceiver) -> Fault {
     let kind = FaultKind::Restart {
         silent_s,
         lie,
-        free_runs_ms,
+        pulse,
     };
     let mut fault = anywhere(rng, silent_s + lies_s, kind);
     fault.until_s = fault.until_s.min(LASTS_S);
@@ -591,6 +602,11 @@ fn free_run(rng: &mut Rng, _: &FieldReceiver) -> Fault {
     } else {
         between(rng, 1.0, 999.0)
     };
+    let word = match rng.u32(..4) {
+        0 if !drifts => PulseWord::Nothing,
+        1 => PulseWord::Fraction,
+        _ => PulseWord::NoUtc,
+    };
     let ppm = reach(rng, 0.05, 5.0);
     let kind = FaultKind::PulseFreeRun {
         phase_ms,
@@ -599,7 +615,7 @@ fn free_run(rng: &mut Rng, _: &FieldReceiver) -> Fault {
         } else {
             0.0
         },
-        is_told: drifts || rng.bool(),
+        word,
     };
     as_long_as_you_like(rng, kind)
 }
@@ -697,6 +713,8 @@ fn tim_tp_lie(rng: &mut Rng, _: &FieldReceiver) -> Fault {
         TimTpLie::Glonass,
         TimTpLie::Week,
         TimTpLie::NoRaim,
+        TimTpLie::NoUtc,
+        TimTpLie::Missing,
     ];
     let lie = lies[rng.usize(..lies.len())];
     as_long_as_you_like(rng, FaultKind::TimTpLie(lie))

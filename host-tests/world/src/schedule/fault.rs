@@ -109,9 +109,8 @@ pub enum FaultKind {
         silent_s: f64,
         /// And then, until the span ends, it does not know the time.
         lie: RestartLie,
-        /// Meanwhile its pulse runs freely, so many ms behind the second; else there is
-        /// none.
-        free_runs_ms: Option<f64>,
+        /// What its pulse does meanwhile.
+        pulse: RestartPulse,
     },
     /// No messages; the pulse goes on.
     Silence,
@@ -128,8 +127,8 @@ pub enum FaultKind {
         phase_ms: f64,
         /// It is slow by so many ppm.
         ppm: f64,
-        /// TIM-TP says that there is no UTC; else it is missing.
-        is_told: bool,
+        /// What TIM-TP has to say of it.
+        word: PulseWord,
     },
     /// The pulse is at another phase, and TIM-TP has nothing to say against it.
     PulseShifted {
@@ -194,6 +193,28 @@ pub enum FaultKind {
     },
 }
 
+/// What TIM-TP says of a pulse that runs freely.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PulseWord {
+    /// Nothing: it is missing.
+    Nothing,
+    /// That there is no UTC.
+    NoUtc,
+    /// A time of week that is no whole second.
+    Fraction,
+}
+
+/// What the pulse of a receiver does while that starts anew.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RestartPulse {
+    /// There is none.
+    Silent,
+    /// It runs freely, so many ms behind the second.
+    RunsFreely(f64),
+    /// It goes on as if nothing had happened, and so does TIM-TP but for its date.
+    GoesOn,
+}
+
 /// What a receiver that has started anew tells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RestartLie {
@@ -235,6 +256,10 @@ pub enum TimTpLie {
     Week,
     /// RAIM is not active.
     NoRaim,
+    /// It says that there is no UTC, and the pulse is right all the same.
+    NoUtc,
+    /// It is missing, and the pulse is right all the same.
+    Missing,
 }
 
 impl FaultKind {

@@ -6,7 +6,9 @@
 
 use fastrand::Rng;
 
-use super::{FaultKind, LEAP_COUNT, QErrNonsense, RestartLie, Schedule, TimTpLie};
+use super::{
+    FaultKind, LEAP_COUNT, PulseWord, QErrNonsense, RestartLie, RestartPulse, Schedule, TimTpLie,
+};
 use crate::chance::{Stream, even, normal, stream};
 use crate::{Event, EventKind, PulseName, WorldPicos};
 
@@ -22,6 +24,9 @@ const TIM_TP_BYTES: i64 = 24;
 const TIME_LS_BYTES: i64 = 32;
 /// TIM-TP that leaves by itself is made so late in its second, in ns.
 const TIM_TP_ALONE_NS: i64 = 360_000_000;
+/// TIM-TP's time of week is so many ms behind a whole second where it tells of one that
+/// is none.
+const FRACTION_MS: i64 = 350;
 /// The first poll of NAV-TIMELS, in s.
 const FIRST_POLL_S: f64 = 1.05;
 /// From poll to poll until the count is known, and then, in s.
@@ -103,7 +108,8 @@ impl Schedule {
                     kind: self.nav_pvt(epoch_ns, label_ns, &belief),
                 });
             }
-            if receiver.has_pulse && epoch_ns % NS_PER_S == 0 {
+            // With the first solution of each second.
+            if receiver.has_pulse && epoch_ns % NS_PER_S < period_ns {
                 // Right behind NAV-PVT: a ns later, so that sorting keeps it there.
                 let alone_ns = if receiver.is_tim_tp_behind {
                     1
@@ -231,7 +237,11 @@ impl Schedule {
                     belief.flags &= !2;
                 }
             }
-            FaultKind::Restart { silent_s, lie, .. } => {
+            FaultKind::Restart {
+                silent_s,
+                lie,
+                pulse,
+            } => {
                 belief.is_silent |= at_s < from_s + silent_s;
                 belief.leap_source = 0;
                 match lie {
@@ -240,7 +250,9 @@ impl Schedule {
                         let by_s = i64::from(by_days) * DAY_S;
                         belief.label_ns += by_s * NS_PER_S;
                         belief.name_s += by_s;
-                        belief.flags &= !2;
+                        if pulse != RestartPulse::GoesOn {
+                            belief.flags &= !2;
+                        }
                     }
                     RestartLie::Count { count } => {
                         self.count(count, belief);
@@ -281,9 +293,15 @@ impl Schedule {
         let mut name_ms = pulse_ms + belief.name_s * 1_000;
         for fault in self.faults_at(pulse_s) {
             match fault.kind {
-                FaultKind::PulseFreeRun { is_told: false, .. } => return None,
-                FaultKind::PulseFreeRun { is_told: true, .. } => flags = flags & 1 | 0x10,
-                FaultKind::Restart { .. } => flags = flags & !0x0c | 0x10,
+                FaultKind::PulseFreeRun { word, .. } => match word {
+                    PulseWord::Nothing => return None,
+                    PulseWord::NoUtc => flags = flags & 1 | 0x10,
+                    PulseWord::Fraction => name_ms += FRACTION_MS,
+                },
+                FaultKind::Restart {
+                    pulse: RestartPulse::Silent | RestartPulse::RunsFreely(_),
+                    ..
+                } => flags = flags & !0x0c | 0x10,
                 FaultKind::PulseRate { hz, is_told: true } => {
                     // The next pulse is the first after the message.
                     let ready_ms = self.floor_ms(second as f64) as i64 + said_ns / 1_000_000;
@@ -305,6 +323,8 @@ impl Schedule {
                     TimTpLie::Glonass => name_ms += 3 * 3_600_000,
                     TimTpLie::Week => name_ms -= 1_024 * WEEK_S * 1_000,
                     TimTpLie::NoRaim => flags = flags & !0x0c | 0x04,
+                    TimTpLie::NoUtc => flags &= !2,
+                    TimTpLie::Missing => return None,
                 },
                 _ => {}
             }

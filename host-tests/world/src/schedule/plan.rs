@@ -26,7 +26,7 @@ pub struct Schedule {
 /// A receiver and its wiring.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FieldReceiver {
-    /// From solution to solution, in ms; divides a second.
+    /// From solution to solution, in ms.
     pub period_ms: i64,
     /// The least latency of its messages, in ms.
     pub floor_ms: f64,

@@ -5,7 +5,7 @@
 
 use fastrand::Rng;
 
-use super::{FaultKind, Schedule};
+use super::{FaultKind, RestartPulse, Schedule};
 use crate::chance::{Stream, even, normal, stream};
 use crate::{Event, EventKind, WorldPicos};
 
@@ -71,18 +71,18 @@ impl Schedule {
     fn highs_of(&self, second: f64, chance: [f64; 2]) -> Vec<High> {
         let width = self.receiver.width_ms * 1e-3;
         let mut at = second;
-        let mut by_restart = None;
+        let mut by_restart = RestartPulse::GoesOn;
         let mut shaper = None;
         for fault in self.faults_at(second) {
             match fault.kind {
                 FaultKind::OtherReceiver { pulse_by_ns, .. } => at += pulse_by_ns * 1e-9,
-                FaultKind::Restart { free_runs_ms, .. } => by_restart = Some(free_runs_ms),
+                FaultKind::Restart { pulse, .. } => by_restart = pulse,
                 kind if kind.shapes_pulse() => shaper = Some((fault.from_s, kind)),
                 _ => {}
             }
         }
         if second < self.receiver.valid_from_s {
-            by_restart = Some(None);
+            by_restart = RestartPulse::Silent;
         }
         match by_restart {
             // Another device does not care.
@@ -90,12 +90,12 @@ impl Schedule {
                 shaper,
                 Some((_, FaultKind::PulseSwap { .. } | FaultKind::PulseCut))
             ) => {}
-            Some(None) => return Vec::new(),
-            Some(Some(phase_ms)) => {
+            RestartPulse::Silent => return Vec::new(),
+            RestartPulse::RunsFreely(phase_ms) => {
                 at += phase_ms * 1e-3;
                 return vec![(at, at + width)];
             }
-            None => {}
+            RestartPulse::GoesOn => {}
         }
         let one = |rise: f64, width: f64| vec![(rise, rise + width)];
         let Some((from_s, kind)) = shaper else {

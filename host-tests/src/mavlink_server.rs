@@ -156,7 +156,7 @@ fn converse(mut stream: TcpStream, mut behaviour: Behaviour) -> io::Result<()> {
         for &byte in bytes {
             let stamp = now.stamp();
             if let Some(request) = node.push(StampedByte { stamp, byte }, now) {
-                let is = |test| matches!(request.ask, RequestKind::Command(command) if command.meaning == Ok(test));
+                let is = |test| matches!(request.kind, RequestKind::Command(command) if command.meaning == Ok(test));
                 if is(Test::Begins) {
                     test_began = Some(Instant::now());
                 }
@@ -198,7 +198,7 @@ struct Held<'a> {
 impl Held<'_> {
     /// Does what is asked, as the firmware does.
     fn act(&mut self, request: &Request, time: NodeTime) {
-        match request.ask {
+        match request.kind {
             RequestKind::Ping { time_usec, seq } => {
                 // A full log says so by its parameter.
                 let _ = self.log.record(&Sample {

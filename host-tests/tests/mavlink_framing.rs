@@ -14,8 +14,8 @@
 mod mavlink_frames;
 
 use mavlink_frames::{Frame, SIGNED};
+use mavlink_node::Requests;
 use mavlink_node::framer::Framer;
-use mavlink_node::node::Requests;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use timebase::{Stamp, StampedByte};

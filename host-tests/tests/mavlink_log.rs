@@ -126,7 +126,7 @@ fn a_test_begins_and_ends_by_command() {
             let request = ask(&mut node, &command(long, v2, USER_1, param1).bytes());
             let number = USER_1;
             assert_eq!(
-                request.ask,
+                request.kind,
                 RequestKind::Command(Command { number, meaning })
             );
             let mut payload = USER_1.to_le_bytes().to_vec();
@@ -155,7 +155,7 @@ fn the_clients_commands_are_obeyed() {
             let meaning = Ok(test);
             let number = USER_1;
             assert_eq!(
-                request.ask,
+                request.kind,
                 RequestKind::Command(Command { number, meaning })
             );
             assert_eq!(
@@ -485,7 +485,7 @@ fn a_transfer_ends_when_that_is_asked_for() {
 
     note(&mut node, &client.log_data(US, 0, u32::MAX));
     let request = ask(&mut node, &client.erase_log(US));
-    assert_eq!(request.ask, RequestKind::EraseLog);
+    assert_eq!(request.kind, RequestKind::EraseLog);
     assert!(!node.has_more());
     match heard(&node.answer(&request, TIME)) {
         Some(Message::StatusText { severity: 5, text }) => assert_eq!(text.as_str(), "log erased"),

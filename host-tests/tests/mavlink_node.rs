@@ -14,12 +14,13 @@ mod mavlink_line;
 use mavlink_frames::{Frame, SIGNED};
 use mavlink_line::{BYTE, GROUND, ask, feed, heard};
 use mavlink_node::client::{Client, Message};
-use mavlink_node::node::IDLE;
 use mavlink_node::{
     Command, Config, Fix, Node, NodeTime, PingReply, Refusal, RequestKind, Severity, Version,
 };
 use proptest::prelude::*;
 use timebase::{Cycles, StampedByte};
+
+const IDLE: u64 = Node::IDLE;
 
 /// 2026-11-22 04:00:00.123456789 UTC, 90 s after boot.
 const TIME: NodeTime = NodeTime {
@@ -78,7 +79,7 @@ fn frames_of_other_peoples_software() {
         let request = ask(&mut node(), &hex(digits));
         assert_eq!(request.version, version, "{digits}");
         assert_eq!(request.from.component, component, "{digits}");
-        assert_eq!(request.ask, what, "{digits}");
+        assert_eq!(request.kind, what, "{digits}");
     }
 }
 
@@ -276,7 +277,7 @@ fn commands_to_us_are_refused_whatever_their_number() {
             let mut node = node();
             let request = ask(&mut node, &frame.bytes());
             assert_eq!(
-                request.ask,
+                request.kind,
                 RequestKind::Command(Command {
                     number,
                     meaning: Err(Refusal::Unsupported)
@@ -473,7 +474,7 @@ proptest! {
         let mut client = Client::new(GROUND, version);
         let mut node = node();
         let request = ask(&mut node, &client.ping(time_usec, seq));
-        prop_assert_eq!(request.ask, RequestKind::Ping { time_usec, seq });
+        prop_assert_eq!(request.kind, RequestKind::Ping { time_usec, seq });
         prop_assert_eq!(request.from, GROUND);
         let time = NodeTime { boot_us, utc_ns };
         let us = utc_ns.map_or(boot_us, |ns| (ns / 1_000) as u64);

@@ -210,7 +210,7 @@ impl Round {
                     time_usec,
                     seq: answered,
                     target: GROUND_STATION,
-                } = heard.what
+                } = heard.message
                     && answered == seq
                 {
                     let middle = host + round_trip / 2;
@@ -236,7 +236,9 @@ impl Round {
             .iter()
             .filter_map(|&byte| self.client.push(StampedByte { stamp, byte }))
             .collect();
-        let heartbeat = heard.iter().find(|heard| heard.what == Message::Heartbeat);
+        let heartbeat = heard
+            .iter()
+            .find(|heard| heard.message == Message::Heartbeat);
         self.somebody = heartbeat.map(|heard| heard.from).or(self.somebody);
         Ok(heard)
     }

@@ -95,7 +95,7 @@ pub async fn run(mut reader: Reader, mut writer: Writer) {
 #[inline(never)]
 fn serve(node: &mut Node, writer: &mut Writer, request: &Request) {
     let (time, reading) = shared::told_at(request.arrival);
-    match request.ask {
+    match request.kind {
         RequestKind::Command(Command {
             meaning: Ok(test), ..
         }) => SAMPLES.handle_test(test),
@@ -103,7 +103,7 @@ fn serve(node: &mut Node, writer: &mut Writer, request: &Request) {
         RequestKind::Command(_) | RequestKind::Ping { .. } | RequestKind::TimeSync { .. } => {}
     }
     let is_answered = writer.send(&node.answer(request, time));
-    if let RequestKind::Ping { time_usec, seq } = request.ask
+    if let RequestKind::Ping { time_usec, seq } = request.kind
         && is_answered
     {
         record(time_usec, seq, time.rtos_ns(), reading);

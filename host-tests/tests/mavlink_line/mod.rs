@@ -45,5 +45,5 @@ pub fn heard(frame: &[u8]) -> Option<Message> {
     let mut heard = frame
         .iter()
         .filter_map(|&byte| client.push(StampedByte { stamp, byte }));
-    heard.next().map(|heard| heard.what)
+    heard.next().map(|heard| heard.message)
 }

@@ -94,7 +94,7 @@ impl Connected {
         let stamp = Stamp(0);
         let stamped = bytes.iter().map(|&byte| StampedByte { stamp, byte });
         let mut heard: Vec<Received> = stamped.filter_map(|byte| self.client.push(byte)).collect();
-        let is_heartbeat = |heard: &&Received| heard.what == Message::Heartbeat;
+        let is_heartbeat = |heard: &&Received| heard.message == Message::Heartbeat;
         if self.address.is_none() {
             self.address = heard.iter().find(is_heartbeat).map(|heard| heard.from);
         }
@@ -104,7 +104,7 @@ impl Connected {
             if let Message::SystemTime {
                 time_unix_usec,
                 time_boot_ms,
-            } = heard.what
+            } = heard.message
             {
                 self.clock = Some(Clock {
                     is_set: time_unix_usec > 0,
@@ -214,7 +214,7 @@ impl Connected {
             let asked = Instant::now();
             while asked.elapsed() < AGAIN {
                 let heard = self.listen()?;
-                if let Some(answer) = heard.iter().find_map(|heard| answer(&heard.what)) {
+                if let Some(answer) = heard.iter().find_map(|heard| answer(&heard.message)) {
                     return Ok(Some(answer));
                 }
             }
@@ -254,7 +254,7 @@ impl Connected {
             let mut flowed = Instant::now();
             while file.len() < size && flowed.elapsed() < AGAIN && !ctrl_c::is_pressed() {
                 for heard in self.listen()? {
-                    if let Some(next) = piece(&heard.what, file.len()) {
+                    if let Some(next) = piece(&heard.message, file.len()) {
                         file.extend(next);
                         (came, flowed) = (Instant::now(), Instant::now());
                     }

@@ -377,7 +377,7 @@ fn hear(
             if let Some(heard) = client.push(StampedByte { stamp, byte })
                 && heard.from == board
             {
-                conversation.heard(now_ns, &heard.what);
+                conversation.heard(now_ns, &heard.message);
             }
         }
     }

@@ -1,15 +1,14 @@
-//! What a node tells without being asked.
+//! What a node sends without being asked.
 //!
-//! *Purpose.* HEARTBEAT, SYSTEM_TIME and GPS_RAW_INT, once a second each, and
-//! STATUSTEXT when something happens.
+//! *Purpose.* HEARTBEAT, SYSTEM_TIME and GPS_RAW_INT, once a second each, and STATUSTEXT when
+//! something happens.
 //!
-//! *Design.* In MAVLink 1 until a frame of MAVLink 2 was heard on the line, in
-//! MAVLink 2 from then on: a MAVLink 1 client understands everything as long as
-//! nobody else speaks 2, a MAVLink 2 client understands both. PX4 did the same by
-//! default (MAV_PROTO_VER 0).
+//! *Design.* In MAVLink 1 until a frame of MAVLink 2 was received, in MAVLink 2 from then on: a
+//! MAVLink 1 client may not understand MAVLink 2, and a MAVLink 2 client understands both. PX4 does
+//! the same by default (MAV_PROTO_VER 0).
 //!
-//! *Limits.* The type is GENERIC and the autopilot GENERIC (0 and 0), with which
-//! QGroundControl asks for no parameters.
+//! *Limits.* The type is GENERIC and the autopilot GENERIC (0 and 0), for which QGroundControl
+//! requests no parameters.
 
 use mavlink::dialects::common::{
     GPS_RAW_INT_DATA, GpsFixType, HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState, MavType,
@@ -22,7 +21,7 @@ use crate::node::Node;
 use crate::node_time::NodeTime;
 use crate::severity::Severity;
 
-/// What GPS_RAW_INT has where nothing is known (`common.xml`).
+/// A GPS_RAW_INT in which nothing is known (`common.xml`).
 const UNKNOWN: GPS_RAW_INT_DATA = GPS_RAW_INT_DATA {
     fix_type: GpsFixType::GPS_FIX_TYPE_NO_GPS,
     eph: u16::MAX,
@@ -33,8 +32,8 @@ const UNKNOWN: GPS_RAW_INT_DATA = GPS_RAW_INT_DATA {
     ..GPS_RAW_INT_DATA::DEFAULT
 };
 
-/// A fix in the units of GPS_RAW_INT, at no time yet. Its dilutions stay unknown: NAV-PVT has only
-/// the one in all three directions together.
+/// A fix in the units of GPS_RAW_INT, without its time. The dilutions of precision stay unknown:
+/// NAV-PVT has only the one of all three directions together.
 fn gps_raw_int(fix: &Fix) -> GPS_RAW_INT_DATA {
     GPS_RAW_INT_DATA {
         fix_type: match fix.fix_type {
@@ -54,7 +53,7 @@ fn gps_raw_int(fix: &Fix) -> GPS_RAW_INT_DATA {
     }
 }
 
-/// The version of the protocol that HEARTBEAT names (`common.xml`).
+/// The version of the protocol in a HEARTBEAT (`common.xml`).
 const MAVLINK_VERSION: u8 = 3;
 
 impl Node {

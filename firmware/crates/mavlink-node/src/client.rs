@@ -1,13 +1,13 @@
-//! The other end of the line: asks a node and understands what it says.
+//! The other end of the line: sends requests to a node, and understands its messages.
 //!
 //! *Purpose.* For tools and tests on a host; the firmware does not use it.
 //!
-//! *Design.* The node's framer with other kinds wanted, the node's way to build
-//! a frame. Requests for the time go to everybody; everything else is for one node.
+//! *Design.* The node's framer with other kinds wanted, and the node's way to build a frame.
+//! Requests for the time go to all systems, everything else to one node.
 //!
-//! *Limits.* It has no clock: whoever sends and receives notes the moments, and asks
-//! again when nothing comes. Since a node hears it in MAVLink 2 only,
-//! PARAM_REQUEST_READ goes out in MAVLink 2 whatever the client speaks.
+//! *Limits.* It has no clock: the caller notes when it sends and receives, and repeats a request
+//! that was not answered. PARAM_REQUEST_READ is always sent in MAVLink 2, because a node
+//! receives it in that version only.
 
 use mavlink::MavlinkVersion::V2;
 use mavlink::MessageData;
@@ -22,37 +22,38 @@ use timebase::StampedByte;
 
 use crate::command;
 use crate::frame::{Address, Frame, Sender, Version};
-use crate::framer::{Delimited, Framer, FramingCounters, Kind, Wanted};
+use crate::framer::{Delimited, Framer, FramingCounters};
+use crate::kind::{Kind, Wanted};
 use crate::log_transfer::{LOG_DATA_LEN, LOG_ID};
 use crate::parameter::{Name, Parameter, Text};
 use crate::ping::Ping;
 
-/// Something that a node said.
+/// A message of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Received {
-    /// Who said it.
+    /// Its sender.
     pub from: Address,
-    /// In which version.
+    /// Its version.
     pub version: Version,
-    /// What it said.
-    pub what: Message,
+    /// What it says.
+    pub message: Message,
 }
 
-/// What a node said.
+/// What a message of a node says.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Message {
-    /// It is there.
+    /// HEARTBEAT: the node is there.
     Heartbeat,
-    /// Its time, unasked.
+    /// SYSTEM_TIME: its time, sent without being asked.
     SystemTime {
         /// UTC in µs since 1970; 0 while the node does not know it.
         time_unix_usec: u64,
         /// Time since boot, in ms.
         time_boot_ms: u32,
     },
-    /// What its receiver tells.
+    /// GPS_RAW_INT: what its receiver has.
     Fix {
-        /// GPS_FIX_TYPE: 0 where no receiver is heard.
+        /// GPS_FIX_TYPE: 0 if no receiver is connected.
         fix_type: u8,
     },
     /// Its answer to a PING.
@@ -61,7 +62,7 @@ pub enum Message {
         time_usec: u64,
         /// The number of the request.
         seq: u32,
-        /// Whom the answer is for.
+        /// The client that the answer is for.
         target: Address,
     },
     /// Its answer to a TIMESYNC.
@@ -75,10 +76,10 @@ pub enum Message {
     CommandAck {
         /// MAV_CMD.
         command: u16,
-        /// MAV_RESULT, see [`What::ACCEPTED`].
+        /// MAV_RESULT, see [`Message::ACCEPTED`].
         result: u8,
     },
-    /// One of its parameters. It says so to everybody.
+    /// PARAM_VALUE: one of its parameters, sent to all clients.
     Parameter {
         /// Its name; [`Parameter::named`] knows ours.
         name: Name,
@@ -86,32 +87,32 @@ pub enum Message {
         value: f32,
         /// Its index.
         index: u16,
-        /// How many there are.
+        /// The number of parameters.
         count: u16,
     },
-    /// A log that it has.
+    /// LOG_ENTRY: a log that it has.
     LogEntry {
         /// The log's number.
         id: u16,
-        /// How many logs there are.
+        /// The number of logs.
         logs: u16,
-        /// When it was begun, in s of UTC since 1970; 0 if unknown.
+        /// When the log was begun, in s of UTC since 1970; 0 if unknown.
         time_utc: u32,
         /// Its length, in bytes.
         size: u32,
     },
-    /// A stretch of a log.
+    /// LOG_DATA: a piece of a log.
     LogData {
         /// The log's number.
         id: u16,
-        /// Where it begins, in bytes.
+        /// The offset of the piece, in bytes.
         offset: u32,
-        /// The bytes; the first `count` are meant.
+        /// Its bytes are the first `count` of these.
         data: [u8; LOG_DATA_LEN],
-        /// How many bytes; 0 at the end of the log.
+        /// The number of bytes; 0 at the end of the log.
         count: u8,
     },
-    /// Something that people should read.
+    /// STATUSTEXT: a text for people.
     StatusText {
         /// MAV_SEVERITY: 3 error, 4 warning, 5 notice, 6 info.
         severity: u8,
@@ -120,8 +121,8 @@ pub enum Message {
     },
 }
 
-/// Who a tool on a host is: a ground station's system, and the component that MAVLink gives
-/// to no device (MAV_COMP_ID_MISSIONPLANNER).
+/// The address of a tool on a host: the system of a ground station, and the component
+/// MAV_COMP_ID_MISSIONPLANNER, which no device has.
 pub const GROUND_STATION: Address = Address {
     system: 255,
     component: 190,
@@ -136,11 +137,11 @@ impl Message {
     pub const ACCEPTED: u8 = 0;
     /// MAV_RESULT_DENIED: known, but not with these parameters.
     pub const DENIED: u8 = 2;
-    /// MAV_RESULT_UNSUPPORTED: nothing of that number is known.
+    /// MAV_RESULT_UNSUPPORTED: a command of that number is not known.
     pub const UNSUPPORTED: u8 = 3;
 }
 
-/// The kinds that a client listens to.
+/// The kinds of frames that a client wants.
 #[derive(Debug)]
 struct Answers;
 
@@ -162,10 +163,10 @@ impl Wanted for Answers {
 /// The longest payload that a client wants: LOG_DATA.
 const MAX_PAYLOAD: usize = LOG_DATA_DATA::ENCODED_LEN;
 
-/// Where GPS_RAW_INT has its type of fix, behind what is longer than a byte.
+/// The offset of the type of fix in GPS_RAW_INT, in bytes: behind all fields that are longer.
 const FIX_TYPE: usize = 28;
 
-/// Asks, and understands what is said.
+/// Builds requests, and understands messages.
 #[derive(Debug)]
 pub struct Client {
     framer: Framer<Answers, MAX_PAYLOAD, 256>,
@@ -184,8 +185,7 @@ impl Client {
         }
     }
 
-    /// A request for the time, to everybody. `time_usec` is the client's own time
-    /// in µs.
+    /// A request for the time, to all systems. `time_usec` is the client's own time, in µs.
     pub fn ping(&mut self, time_usec: u64, seq: u32) -> Frame {
         Ping {
             time_usec,
@@ -198,19 +198,19 @@ impl Client {
         .frame(&mut self.sender, self.version)
     }
 
-    /// A request for the time, to everybody. `ts1` is the client's own time in ns.
+    /// A request for the time, to all systems. `ts1` is the client's own time, in ns.
     pub fn timesync(&mut self, ts1: i64) -> Frame {
-        self.say(&TIMESYNC_DATA {
+        self.frame(&TIMESYNC_DATA {
             ts1,
             ..TIMESYNC_DATA::DEFAULT
         })
     }
 
-    /// The command by which a test begins or ends (MAV_CMD_USER_1). Answered with
-    /// [`What::CommandAck`]; to be repeated until it is, before anything else is sent:
-    /// each one that begins a test clears the log.
+    /// The command that begins or ends a test (MAV_CMD_USER_1). Answered with
+    /// [`Message::CommandAck`]. Repeat it until then, and send nothing else before, because each
+    /// command that begins a test clears the log.
     pub fn test(&mut self, node: Address, test: Test) -> Frame {
-        self.say(&COMMAND_LONG_DATA {
+        self.frame(&COMMAND_LONG_DATA {
             param1: command::param1(test),
             command: MavCmd::MAV_CMD_USER_1,
             target_system: node.system,
@@ -219,15 +219,15 @@ impl Client {
         })
     }
 
-    /// A request for all parameters. Answered with a [`What::Parameter`] for each.
+    /// A request for all parameters. Answered with a [`Message::Parameter`] for each.
     pub fn parameters(&mut self, node: Address) -> Frame {
-        self.say(&PARAM_REQUEST_LIST_DATA {
+        self.frame(&PARAM_REQUEST_LIST_DATA {
             target_system: node.system,
             target_component: node.component,
         })
     }
 
-    /// A request for one parameter. Answered with [`What::Parameter`].
+    /// A request for one parameter. Answered with [`Message::Parameter`].
     pub fn parameter(&mut self, node: Address, parameter: Parameter) -> Frame {
         let request = PARAM_REQUEST_READ_DATA {
             // By its name.
@@ -239,9 +239,9 @@ impl Client {
         self.sender.message(Version::V2, &request)
     }
 
-    /// A request for the list of logs. Answered with [`What::LogEntry`].
+    /// A request for the list of logs. Answered with [`Message::LogEntry`].
     pub fn logs(&mut self, node: Address) -> Frame {
-        self.say(&LOG_REQUEST_LIST_DATA {
+        self.frame(&LOG_REQUEST_LIST_DATA {
             start: 0,
             end: u16::MAX,
             target_system: node.system,
@@ -249,11 +249,10 @@ impl Client {
         })
     }
 
-    /// A request for up to `count` bytes of the log from `offset` on; it takes the
-    /// place of an earlier one. Answered with [`What::LogData`], one after the other,
-    /// as far as the log goes.
+    /// A request for up to `count` bytes of the log from `offset` on; it replaces an earlier one.
+    /// Answered with one [`Message::LogData`] after the other, up to the end of the log.
     pub fn log_data(&mut self, node: Address, offset: u32, count: u32) -> Frame {
-        self.say(&LOG_REQUEST_DATA_DATA {
+        self.frame(&LOG_REQUEST_DATA_DATA {
             ofs: offset,
             count,
             id: LOG_ID,
@@ -262,9 +261,9 @@ impl Client {
         })
     }
 
-    /// No more of the log is wanted. Not answered.
+    /// Ends the transfer of the log. Not answered.
     pub fn end_log(&mut self, node: Address) -> Frame {
-        self.say(&LOG_REQUEST_END_DATA {
+        self.frame(&LOG_REQUEST_END_DATA {
             target_system: node.system,
             target_component: node.component,
         })
@@ -272,17 +271,17 @@ impl Client {
 
     /// Erases the log. Answered with a text.
     pub fn erase_log(&mut self, node: Address) -> Frame {
-        self.say(&LOG_ERASE_DATA {
+        self.frame(&LOG_ERASE_DATA {
             target_system: node.system,
             target_component: node.component,
         })
     }
 
-    fn say<M: MessageData>(&mut self, message: &M) -> Frame {
+    fn frame<M: MessageData>(&mut self, message: &M) -> Frame {
         self.sender.message(self.version, message)
     }
 
-    /// Takes a byte.
+    /// Takes a byte, and returns the message that ends with it.
     pub fn push(&mut self, byte: StampedByte) -> Option<Received> {
         let frame = match self.framer.push(byte) {
             0 => return None,
@@ -291,19 +290,19 @@ impl Client {
         Some(Received {
             from: frame.from,
             version: frame.version,
-            what: what(&frame)?,
+            message: parse(&frame)?,
         })
     }
 
-    /// What the framing met.
+    /// What the framer found.
     #[must_use]
     pub const fn counters(&self) -> FramingCounters {
         self.framer.counters()
     }
 }
 
-/// What a frame says; `None` if it makes no sense.
-fn what(frame: &Delimited<MAX_PAYLOAD>) -> Option<Message> {
+/// The message of a frame; `None` if it is not valid.
+fn parse(frame: &Delimited<MAX_PAYLOAD>) -> Option<Message> {
     let payload = &frame.payload;
     Some(match u32::from(frame.id) {
         HEARTBEAT_DATA::ID => Message::Heartbeat,
@@ -315,7 +314,7 @@ fn what(frame: &Delimited<MAX_PAYLOAD>) -> Option<Message> {
             }
         }
         GPS_RAW_INT_DATA::ID => Message::Fix {
-            // By hand, for types that the enum does not know.
+            // By hand, for types that the enum does not have.
             fix_type: payload.get(FIX_TYPE).copied()?,
         },
         Ping::ID => {
@@ -334,7 +333,7 @@ fn what(frame: &Delimited<MAX_PAYLOAD>) -> Option<Message> {
             }
         }
         COMMAND_ACK_DATA::ID => {
-            // By hand, for commands and results that the enums do not know.
+            // By hand, for commands and results that the enums do not have.
             let [low, high, result] = *payload.first_chunk()?;
             Message::CommandAck {
                 command: u16::from_le_bytes([low, high]),
@@ -369,10 +368,10 @@ fn what(frame: &Delimited<MAX_PAYLOAD>) -> Option<Message> {
             }
         }
         _ => {
-            let told = STATUSTEXT_DATA::deser(V2, payload).ok()?;
+            let text = STATUSTEXT_DATA::deser(V2, payload).ok()?;
             Message::StatusText {
-                severity: told.severity as u8,
-                text: Text::new(told.text.into()),
+                severity: text.severity as u8,
+                text: Text::new(text.text.into()),
             }
         }
     })

@@ -1,15 +1,17 @@
-//! The one command that a node obeys: a test begins, a test ends.
+//! The one command that a node obeys: a test begins, or a test ends.
 //!
 //! *Purpose.* MAV_CMD_USER_1 (31010) with 0 as its first parameter begins a test: the
 //! log of PINGs is cleared and records. With 1 the test ends: the log is frozen, and
 //! written to the card if there is one.
 //!
-//! *Design.* Read from the raw payload, since the type in `mavlink` can only name
-//! commands that it knows, and any other one is to be refused.
+//! *Design.* Parsed from the raw payload, since the type in `mavlink` has no value for commands
+//! that it does not know, and these have to be refused.
 //!
-//! *Limits.* The same in COMMAND_LONG and COMMAND_INT; the other parameters are not
-//! looked at, `confirmation` neither: one that begins a test and comes again clears
-//! the log again.
+//! *Limits.* COMMAND_LONG and COMMAND_INT mean the same. The other parameters and `confirmation`
+//! are ignored: a command that begins a test and is repeated clears the log again.
+
+use core::error::Error;
+use core::fmt;
 
 use mavlink::MessageData;
 use mavlink::dialects::common::{COMMAND_ACK_DATA, MavResult};
@@ -20,8 +22,8 @@ use crate::frame::{Address, Frame, Sender, Version};
 /// MAV_CMD_USER_1.
 pub(crate) const USER_1: u16 = 31_010;
 
-/// Where the command's number stands in COMMAND_LONG and in COMMAND_INT: behind
-/// seven words, of which the first is a float in both.
+/// The offset of the command's number in COMMAND_LONG and in COMMAND_INT, in bytes: behind seven
+/// words, of which the first is a float in both.
 const NUMBER: usize = 28;
 
 /// The command's first parameter.
@@ -34,19 +36,31 @@ pub(crate) const fn param1(test: Test) -> f32 {
 
 /// Why a command is not obeyed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Refusal {
-    /// Nothing of that number is known here (MAV_RESULT_UNSUPPORTED).
+    /// A command of that number is not known here (MAV_RESULT_UNSUPPORTED).
     Unsupported,
     /// The number is known, its first parameter is not (MAV_RESULT_DENIED).
     Denied,
 }
 
-/// A command to us.
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Unsupported => "the command is not supported",
+            Self::Denied => "the command does not have this parameter",
+        })
+    }
+}
+
+impl Error for Refusal {}
+
+/// A command to this node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Command {
     /// MAV_CMD, whether known or not.
     pub number: u16,
-    /// What it means here.
+    /// What it means to this node.
     pub meaning: Result<Test, Refusal>,
 }
 
@@ -65,7 +79,7 @@ impl Command {
         Some(Self { number, meaning })
     }
 
-    /// COMMAND_ACK, by hand for the same reason.
+    /// COMMAND_ACK, built by hand for the same reason.
     pub(crate) fn ack(self, sender: &mut Sender, version: Version, to: Address) -> Frame {
         let (id, crc_extra) = (COMMAND_ACK_DATA::ID as u8, COMMAND_ACK_DATA::EXTRA_CRC);
         let [low, high] = self.number.to_le_bytes();

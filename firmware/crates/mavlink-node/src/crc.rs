@@ -1,16 +1,16 @@
 //! CRC-16/MCRF4XX, byte by byte and over a window of a stream.
 //!
 //! *Purpose.* MAVLink's checksum, and the checksum of any window of a stream
-//! from two values of one running register, without going through the window.
+//! from two values of one running register, without reading the window again.
 //!
-//! *Design.* The register is linear over GF(2). Two registers that read the same
-//! n bytes differ, afterwards, by their first difference moved through n zero
+//! *Design.* The register is linear over GF(2). After two registers have read the
+//! same n bytes, they differ by their first difference moved through n zero
 //! bytes: `crc(window) = running_end ^ zeros(n, running_start ^ INIT)`. `zeros`
 //! is a product with a constant matrix, done by nibbles, with a table for every
 //! second n.
 //!
-//! *Limits.* [`zeros`] covers n from [`MIN_ZEROS`] to [`MAX_ZEROS`], in 2.5 KB of
-//! tables; [`many_zeros`] goes on from there.
+//! *Limits.* [`zeros`] is for n from [`MIN_ZEROS`] to [`MAX_ZEROS`], with 2.5 KB of
+//! tables; [`many_zeros`] is for more.
 
 /// The register before the first byte.
 pub const INIT: u16 = 0xffff;
@@ -26,7 +26,7 @@ pub const MAX_ZEROS: usize = MIN_ZEROS + 2 * MAPS.len() - 2;
 #[must_use]
 #[inline]
 pub const fn step(register: u16, byte: u8) -> u16 {
-    // Sums of shifts, because the core shifts within its exclusive or.
+    // Sums of shifts, because the core can shift an operand of its exclusive or.
     let r = register as u32;
     let t = r ^ byte as u32;
     let t = (t ^ (t << 4)) & 0xff;
@@ -44,8 +44,8 @@ pub fn over(register: u16, bytes: &[u8]) -> u16 {
 #[must_use]
 #[inline]
 pub fn zeros(count: usize, register: u16) -> u16 {
-    // The counts that a stranger can ask for most often have their own table:
-    // those of MAVLink 1, which are even below 32 and odd above.
+    // The counts that noise can cause most often have a table of their own: those of MAVLink 1,
+    // which are even below 32 and odd above.
     let doubled = count + count / 32;
     let Some(map) = MAPS.get((doubled / 2).wrapping_sub(MIN_ZEROS / 2)) else {
         return register;
@@ -68,11 +68,11 @@ pub fn many_zeros(mut count: usize, mut register: u16) -> u16 {
     zeros(count, register)
 }
 
-/// How far 8, 10 … 30, 31, 33 … 45 zero bytes move a register.
+/// The maps of 8, 10 … 30, 31, 33 … 45 zero bytes.
 static MAPS: [Map; 20] = Map::every_second(MIN_ZEROS);
 
-/// A linear map of the register: for each nibble, lowest first, what each of
-/// its values adds.
+/// A linear map of the register: for each nibble, lowest first, the sum that each of its values
+/// adds.
 #[derive(Clone, Copy)]
 struct Map([[u16; 16]; 4]);
 

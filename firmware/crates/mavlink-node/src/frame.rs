@@ -4,7 +4,7 @@
 //!
 //! *Design.* MAVLink 1: `FE len seq sys comp id payload crc`. MAVLink 2: `FD len
 //! incompat compat seq sys comp id×3 payload crc`, trailing zeros of the payload
-//! left out but for the first byte (MAVLink guide, "Packet serialization"). The
+//! left out except for the first byte (MAVLink guide, "Packet serialization"). The
 //! header is written in front of the payload, which `mavlink` puts in its place.
 //!
 //! *Limits.* Nothing is signed. The longest message here is LOG_DATA.
@@ -19,11 +19,11 @@ use crate::crc;
 pub(crate) const MAGIC_V1: u8 = 0xfe;
 /// First byte of a MAVLink 2 frame.
 pub(crate) const MAGIC_V2: u8 = 0xfd;
-/// From the magic to the payload, MAVLink 1.
+/// Bytes before the payload, MAVLink 1.
 pub(crate) const HEADER_V1: usize = 6;
-/// From the magic to the payload, MAVLink 2.
+/// Bytes before the payload, MAVLink 2.
 pub(crate) const HEADER_V2: usize = 10;
-/// The two bytes after the payload.
+/// Bytes of the checksum after the payload.
 pub(crate) const CRC_LEN: usize = 2;
 
 /// The longest payload that is sent, in bytes: LOG_DATA.
@@ -56,12 +56,12 @@ impl From<Version> for MavlinkVersion {
     }
 }
 
-/// Who sent a frame, or whom it is for.
+/// The sender of a frame, or its receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Address {
-    /// System, 1 to 255; 0 as a target means everybody.
+    /// System, 1 to 255; 0 as a target means all systems.
     pub system: u8,
-    /// Component; 0 as a target means every component.
+    /// Component; 0 as a target means all components.
     pub component: u8,
 }
 
@@ -113,7 +113,7 @@ impl Sender {
     /// The next frame, with `message` as its payload.
     pub(crate) fn message<M: MessageData>(&mut self, version: Version, message: &M) -> Frame {
         const { assert!(M::ENCODED_LEN <= MAX_PAYLOAD) };
-        // Every id that is sent here is below 256, so that MAVLink 1 can say it.
+        // An id of MAVLink 1 has one byte.
         const { assert!(M::ID <= u8::MAX as u32) };
         self.frame(version, M::ID as u8, M::EXTRA_CRC, |payload| {
             message.ser(version.into(), payload)
@@ -143,8 +143,8 @@ impl Sender {
         frame
     }
 
-    /// Puts the header before the payload of `frame` and the checksum behind it. Not
-    /// inlined: every kind of message would bring its own.
+    /// Writes the header before the payload of `frame` and the checksum behind it. Not inlined, or
+    /// each kind of message would have its own copy.
     #[inline(never)]
     fn seal(
         &mut self,

@@ -1,151 +1,56 @@
 //! Finds the wanted frames in a stream of bytes, whatever else is in it.
 //!
-//! *Purpose.* Fed byte by byte; hands over each intact frame of the wanted
-//! kinds at its last byte, with the stamp of its first.
+//! *Purpose.* Takes byte by byte, and hands over each intact frame of the wanted kinds at its last
+//! byte, with the stamp of its first.
 //!
-//! *Design.* Every magic byte may start a frame. Six bytes later (MAVLink 1; ten
-//! in MAVLink 2) the header is complete, and if it names a wanted [`Kind`] with
-//! a length that this kind can have, the window is a *candidate*. All candidates
-//! are kept at once and nothing waits for any of them: a false start or a false
-//! length holds no frame up. A candidate is checked at its last byte, from the
-//! running checksum (see [`crc`]) and not from its bytes. Found frames do not
-//! overlap: a frame that is found strikes out what began before its end; of two
-//! that end together the longer one counts. So frames are taken in the order of
-//! their ends, which is the order of their starts unless an intact frame lies
-//! wholly inside another; then it is the inner one that is found, since it must
-//! not wait for an outer one of which nothing is proved yet. The 13 bytes of a
-//! signature belong to their frame, which is handed over before they arrive.
+//! *Design.* Every magic byte may start a frame. Six bytes later (MAVLink 1; ten in MAVLink 2) the
+//! header is complete. If it has a wanted [`Kind`](crate::kind::Kind) with a length that this kind
+//! can have, the window is a *candidate*. All candidates are kept at once and none waits for
+//! another, so a false start or a false length delays no frame. A candidate is checked at its last
+//! byte, from the running checksum (see `crc.rs`) and not from its bytes.
 //!
-//! *Cost.* A byte is stored and goes through the running checksum once. More is
-//! done only where something is due: a header may be complete there, or a
-//! candidate ends. Each is a fixed number of steps, because a checksum over any
-//! window is one. How often can it be due? A start is noted where a magic and a
-//! possible length follow each other: at most at every second byte. A candidate
-//! of MAVLink 1 needs a magic, a length and an id, values of which none can stand
-//! for another, so that no two candidates share one of these bytes: there is at
-//! most one in three bytes, `FE 0E 04` repeated. (PARAM_REQUEST_READ, with length 20
-//! and id 20, and PARAM_SET, with 23 and 23, would make it one in two bytes. They are
-//! not wanted in MAVLink 1; that no others of the kind come in is checked where the
-//! image is built.) A candidate of MAVLink 2 needs a
-//! magic, a length, and zeros where the next candidates would have theirs, which
-//! leaves room for one in five. Measured, with the bytes taken out of a queue,
-//! on a Cortex-M4: 43 instructions a byte of random bytes, 79 a byte of the worst
-//! stream, where every other end is that of two candidates.
+//! Found frames do not overlap: a frame that is found discards what began before its end, and of
+//! two that end together the longer one counts. So frames are found in the order of their ends.
+//! That is the order of their starts, unless an intact frame lies wholly inside another: then the
+//! inner one is found, because it must not wait for an outer one of which nothing is proved yet.
+//! The 13 bytes of a signature belong to their frame, which is handed over before they arrive.
 //!
-//! *Limits.* Payloads of at most [`MAX_PAYLOAD`] bytes, unless told otherwise. A frame inside the payload
-//! of an unwanted one (a tunnel) is found too. Positions are counted modulo
-//! 2^32.
+//! *Cost.* Each byte is stored and goes through the running checksum once. More is done only
+//! where a header may be complete or a candidate ends, and each of these is a fixed number of
+//! steps, because a checksum over any window is one. How often can that be?
+//!
+//! - A start is noted where a magic and a possible length follow each other: at most at every
+//!   second byte.
+//! - A candidate of MAVLink 1 needs a magic, a length and an id. No value can serve as two of
+//!   them, so no two candidates share one of these bytes: there is at most one candidate in three
+//!   bytes, `FE 0E 04` repeated. (PARAM_REQUEST_READ, with length 20 and id 20, and PARAM_SET, with
+//!   23 and 23, would make it one in two bytes. They are not wanted in MAVLink 1; a table of kinds
+//!   with another such pair does not compile.)
+//! - A candidate of MAVLink 2 needs a magic, a length, and zeros where the next candidates would
+//!   have theirs: at most one in five bytes.
+//!
+//! Measured with the bytes taken out of a queue, on a Cortex-M4: 43 instructions a byte of random
+//! bytes, 79 a byte of the worst stream, where every second end is that of two candidates.
+//!
+//! *Limits.* A frame inside the payload of an unwanted one (a tunnel) is found too. Positions are
+//! counted modulo 2^32.
 
 use core::marker::PhantomData;
 
-use mavlink::MessageData;
 use timebase::{Stamp, StampedByte};
 
 use crate::crc;
 use crate::frame::{Address, CRC_LEN, HEADER_V1, HEADER_V2, MAGIC_V1, MAGIC_V2, Version};
+use crate::kind::{Wanted, places};
 
 /// The longest payload that a node wants, in bytes: COMMAND_INT.
 pub const MAX_PAYLOAD: usize = 35;
-
-/// The shortest payload that a wanted kind has in MAVLink 1, in bytes:
-/// PARAM_REQUEST_LIST, LOG_ERASE and LOG_REQUEST_END.
-const MIN_PAYLOAD_V1: usize = 2;
 
 /// The incompatibility flag of a signed frame; any other one is unknown here.
 const SIGNED: u8 = 0x01;
 
 /// Bytes of a signature after the frame's checksum.
 const SIGNATURE_LEN: usize = 13;
-
-const _: () = assert!(HEADER_V1 + MIN_PAYLOAD_V1 >= crc::MIN_ZEROS && HEADER_V2 >= crc::MIN_ZEROS);
-
-/// One kind of frame that is looked for.
-#[derive(Clone, Copy, Debug)]
-pub struct Kind {
-    id: u8,
-    /// What CRC_EXTRA adds to the running checksum.
-    extra: u16,
-    /// [`Self::NEVER`] for a kind that is wanted in MAVLink 2 only.
-    v1_len: u8,
-    v2_min_len: u8,
-    v2_max_len: u8,
-}
-
-impl Kind {
-    /// A length that no payload has here.
-    const NEVER: u8 = u8::MAX;
-
-    /// The kind of message `M`. `v1_len`: its payload without extensions, in
-    /// bytes, which is its length in MAVLink 1; `v2_min_len`: the shortest
-    /// payload worth having in MAVLink 2, where trailing zeros are left out.
-    pub(crate) const fn of<M: MessageData>(v1_len: u8, v2_min_len: u8) -> Self {
-        assert!(M::ENCODED_LEN < Self::NEVER as usize && M::ID <= u8::MAX as u32);
-        assert!(MIN_PAYLOAD_V1 <= v1_len as usize && v1_len as usize <= M::ENCODED_LEN);
-        assert!(1 <= v2_min_len && v2_min_len as usize <= M::ENCODED_LEN);
-        Self {
-            id: M::ID as u8,
-            extra: crc::step(0, M::EXTRA_CRC),
-            v1_len,
-            v2_min_len,
-            v2_max_len: M::ENCODED_LEN as u8,
-        }
-    }
-
-    /// The same kind, not wanted in MAVLink 1.
-    pub(crate) const fn not_in_v1(self) -> Self {
-        Self {
-            v1_len: Self::NEVER,
-            ..self
-        }
-    }
-
-    const fn is_in_v1(self) -> bool {
-        self.v1_len != Self::NEVER
-    }
-
-    #[inline]
-    const fn can_have(&self, version: Version, len: u8) -> bool {
-        match version {
-            Version::V1 => len == self.v1_len,
-            Version::V2 => self.v2_min_len <= len && len <= self.v2_max_len,
-        }
-    }
-}
-
-/// Which kinds a framer looks for.
-pub trait Wanted {
-    /// The kinds, each id once.
-    const KINDS: &'static [Kind];
-}
-
-/// For each id its place in `kinds`; a place behind them all for one that is not
-/// wanted. So a kind is found in the same few steps however many there are.
-#[expect(
-    clippy::indexing_slicing,
-    reason = "made at compile time, where a panic is an error"
-)]
-const fn places(kinds: &[Kind], longest: usize) -> [u8; 256] {
-    assert!(kinds.len() < 256);
-    let mut places = [u8::MAX; 256];
-    let mut place = 0;
-    while place < kinds.len() {
-        let Kind { id, v2_max_len, .. } = kinds[place];
-        assert!(places[id as usize] == u8::MAX && v2_max_len as usize <= longest);
-        places[id as usize] = place as u8;
-        let mut other = 0;
-        while other < kinds.len() {
-            // See *Cost* above.
-            assert!(
-                !kinds[place].is_in_v1()
-                    || kinds[place].v1_len != kinds[other].id
-                    || !kinds[other].is_in_v1()
-            );
-            other += 1;
-        }
-        place += 1;
-    }
-    places
-}
 
 /// An intact frame, its checksum held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -154,7 +59,7 @@ pub struct Delimited<const PAYLOAD: usize = MAX_PAYLOAD> {
     pub stamp: Stamp,
     /// The version that it is in.
     pub version: Version,
-    /// It carries a signature, which nobody checks.
+    /// It carries a signature, which is not checked.
     pub signed: bool,
     /// Who sent it.
     pub from: Address,
@@ -164,7 +69,7 @@ pub struct Delimited<const PAYLOAD: usize = MAX_PAYLOAD> {
     pub payload: [u8; PAYLOAD],
 }
 
-/// What a framer has met. All wrap.
+/// What a framer has found so far. All wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FramingCounters {
     /// Frames that were handed over.
@@ -174,17 +79,17 @@ pub struct FramingCounters {
     pub foreign_bytes: u32,
     /// Candidates whose checksum failed: damaged frames and false starts.
     pub crc_failures: u32,
-    /// Ends of candidates that were given up, because the line fell silent.
+    /// Candidates that were given up, because the line fell silent before their ends.
     pub abandoned: u32,
-    /// Headers of a wanted kind with an incompatibility flag that is not known
-    /// here; such frames must be dropped.
+    /// Headers of a wanted kind with an unknown incompatibility flag; such frames must be dropped
+    /// (MAVLink guide, "Packet serialization").
     pub unknown_flags: u32,
     /// Frames that carried a signature, among those handed over.
     pub signed: u32,
 }
 
 impl FramingCounters {
-    /// Nothing was met.
+    /// Nothing was found.
     pub const ZERO: Self = Self {
         frames: 0,
         foreign_bytes: 0,
@@ -195,15 +100,15 @@ impl FramingCounters {
     };
 }
 
-/// Looks for the frames that `W` wants, with payloads of up to `PAYLOAD` bytes.
-/// `RING` positions have a cell, a power of two: the bytes of the longest frame
-/// that is arriving are there, and the ends of candidates that begin in it.
+/// Looks for the frames that `W` wants, with payloads of up to `PAYLOAD` bytes. `RING` is the number
+/// of positions that have a cell, a power of two: room for the bytes of the longest frame that is
+/// arriving, and for the ends of candidates that begin in it.
 #[derive(Debug)]
 pub struct Framer<W, const PAYLOAD: usize = MAX_PAYLOAD, const RING: usize = 128> {
     cells: Ring<Cell, RING>,
     /// By start of a candidate: another one with the same end.
     displaced: Ring<Candidate, RING>,
-    /// How many bytes have come: the position of the next one.
+    /// The number of bytes that have come: the position of the next one.
     position: u32,
     /// The running checksum after the last byte.
     crc: u16,
@@ -221,16 +126,16 @@ pub struct Framer<W, const PAYLOAD: usize = MAX_PAYLOAD, const RING: usize = 128
 /// One position of the stream.
 #[derive(Clone, Copy, Debug)]
 struct Cell {
-    /// The stamp of the byte. Before it has come: the [`Candidate`] that ends
-    /// there, if `word` says so.
+    /// The stamp of the byte. Before it has come: the [`Candidate`] that ends there, if `word` has
+    /// [`Word::END`].
     first: u32,
     /// The byte and the running checksum before it. Before it has come: what is
     /// to be done there.
     word: Word,
 }
 
-/// A running checksum (bits 0 to 15), a byte (bits 16 to 23) and what is due
-/// (bits 24 to 31): packed, since all three are stored for every byte.
+/// A running checksum (bits 0 to 15), a byte (bits 16 to 23) and what is due (bits 24 to 31):
+/// packed, because all three are stored for every byte.
 #[derive(Clone, Copy, Debug)]
 struct Word(u32);
 
@@ -259,9 +164,9 @@ impl Word {
     }
 }
 
-/// A window whose header is that of a wanted frame: what [`remainder`] must be at
-/// its last byte (bits 0 to 15), its length (bits 16 to 23), and whether another
-/// candidate with the same end was displaced by it (bit 24).
+/// A window whose header is that of a wanted frame: the [`remainder`] that it needs at its last byte
+/// (bits 0 to 15), its length (bits 16 to 23), and whether it displaced another candidate with the
+/// same end (bit 24).
 #[derive(Clone, Copy, Debug)]
 struct Candidate(u32);
 
@@ -286,9 +191,9 @@ impl Candidate {
     }
 }
 
-/// What a stream says at the end of a frame: the running checksum before the
-/// frame's own, moved over one byte more, less the frame's own. `crc` is the
-/// running checksum between the two bytes of `own`.
+/// What is left of a stream at the end of a frame: the running checksum before the frame's own
+/// checksum, moved over one byte more, less the frame's own. `crc` is the running checksum between
+/// the two bytes of `own`.
 const fn remainder(crc: u16, own: [u8; 2]) -> u16 {
     crc ^ crc::step(0, own[0]) ^ u16::from_le_bytes(own)
 }
@@ -308,7 +213,7 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Framer<W, PAYLOAD, RING
         places(W::KINDS, PAYLOAD)
     };
 
-    /// A framer that has heard nothing.
+    /// A framer that has received nothing.
     #[must_use]
     pub const fn new() -> Self {
         let cell = Cell {
@@ -329,7 +234,7 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Framer<W, PAYLOAD, RING
         }
     }
 
-    /// What has been met so far.
+    /// What has been found so far.
     #[must_use]
     pub const fn counters(&self) -> FramingCounters {
         FramingCounters {
@@ -338,8 +243,8 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Framer<W, PAYLOAD, RING
         }
     }
 
-    /// Takes a byte. When a frame ends with it, its length is for [`Self::take`]; 0
-    /// when none does.
+    /// Takes a byte. Returns the length of the frame that ends with it, for [`Self::take`]; 0 if
+    /// none does.
     #[inline]
     #[must_use]
     pub fn push(&mut self, StampedByte { stamp, byte }: StampedByte) -> u8 {
@@ -379,8 +284,8 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Framer<W, PAYLOAD, RING
         0
     }
 
-    /// A magic byte and a possible length have come: where the header will be
-    /// complete, it is to be examined.
+    /// A magic byte and a possible length have come: marks the position at which the header will be
+    /// complete.
     #[inline]
     fn note_start(&mut self, magic: u8) {
         let (header_len, due) = match magic {
@@ -449,9 +354,9 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Framer<W, PAYLOAD, RING
             self.counters.unknown_flags = self.counters.unknown_flags.wrapping_add(1);
             return;
         }
-        // The magic is not in the checksum. What the sender's register holds
-        // after the payload and the extra byte is known but for the payload:
-        // that is what the remainder will have to be.
+        // The magic is not in the checksum. The sender's register after the payload and the
+        // extra byte is known except for the payload's own part: that is the remainder that this
+        // candidate needs.
         let length = header_len + usize::from(len) + CRC_LEN;
         let zeros = const {
             if Self::MAX_LENGTH - CRC_LEN <= crc::MAX_ZEROS {

@@ -1,22 +1,50 @@
-//! The MAVLink endpoint: it hears requests for the time and says what to answer.
+//! A MAVLink endpoint that answers with the time at which a request arrived.
 //!
-//! *Purpose.* MAVLink 1 and 2 on one serial line: PING and TIMESYNC answered, a test
-//! begun and ended, other commands refused politely, read-only parameters and a log
-//! served, HEARTBEAT, SYSTEM_TIME and GPS_RAW_INT told.
+//! *Purpose.* MAVLink 1 and 2 on one serial line: PING and TIMESYNC answered, a test begun and
+//! ended, other commands refused, read-only parameters and a log served, HEARTBEAT, SYSTEM_TIME and
+//! GPS_RAW_INT sent. The types that matter:
 //!
-//! *Design.* A state machine without I/O and without a clock. [`framer`] finds
-//! the frames of a few wanted kinds in any stream of bytes, at a cost that no
-//! stream can raise; [`crc`] is the arithmetic that makes this possible.
-//! [`node`] turns a frame into a [`Request`], which carries the arrival of the
-//! frame's first byte, and a request with the [`NodeTime`] of that moment into
-//! the [`Frame`] to send; [`parameter`] and the log's transfer keep what is still to be
-//! sent of an answer of many frames. What is sent without being asked is made by [`Node::heartbeat`] and its neighbours.
-//! [`client`] is the other end of the line, for the tools on a host. The crate
-//! `mavlink` parses and builds payloads; none of its types is in the interface.
+//! - [`Node`], the endpoint: bytes in, requests out, answers made;
+//! - [`Request`], which has the arrival of its first byte, and [`NodeTime`], the node's time then;
+//! - [`client::Client`], the other end of the line, for tools on a host.
 //!
-//! *Limits.* One node a line. Signatures are not checked: the time is no
-//! secret, and signed requests are answered unsigned, as the C library does
-//! when it has no key. Missions and files are not served; there is one log, and no parameter can be set.
+//! *Design.* A state machine without I/O and without a clock. [`framer`] finds the frames of a few
+//! wanted kinds in any stream of bytes, at a cost that no stream can raise. The crate `mavlink`
+//! parses and builds payloads; none of its types is in the interface.
+//!
+//! *Limits.* One node a line. Signatures are not checked: the time is no secret, and signed
+//! requests are answered unsigned, as the C library does when it has no key. There are no missions
+//! and no files, there is one log, and no parameter can be set.
+//!
+//! ```
+//! use mavlink_node::client::{Client, GROUND_STATION, Message};
+//! use mavlink_node::{Config, Node, NodeTime, Version};
+//! use timebase::{Cycles, StampedByte};
+//!
+//! let mut node = Node::new(Config::default());
+//! let mut client = Client::new(GROUND_STATION, Version::V2);
+//! // A byte each 87 µs, as on a line at 115200 baud.
+//! let arrival = |nth: usize| Cycles(1_000_000 + 14_583 * nth as u64);
+//! let stamped = |(nth, &byte)| StampedByte { stamp: arrival(nth).stamp(), byte };
+//!
+//! let ping = client.ping(1_000, 7);
+//! let now = arrival(ping.len());
+//! let mut bytes = ping.iter().enumerate().map(stamped);
+//! let request = bytes.find_map(|byte| node.push(byte, now)).expect("a request");
+//! // The caller reads its clock at the arrival of the first byte, not now.
+//! assert_eq!(request.arrival, arrival(0));
+//! let time = NodeTime {
+//!     boot_us: request.arrival.as_micros(),
+//!     utc_ns: Some(1_795_320_000_123_456_789),
+//! };
+//!
+//! let answer = node.answer(&request, time);
+//! let mut bytes = answer.iter().enumerate().map(stamped);
+//! let received = bytes.find_map(|byte| client.push(byte)).expect("an answer");
+//! let time_usec = 1_795_320_000_123_456;
+//! let expected = Message::Ping { time_usec, seq: 7, target: GROUND_STATION };
+//! assert_eq!(received.message, expected);
+//! ```
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(
@@ -29,24 +57,28 @@
 mod broadcast;
 pub mod client;
 mod command;
-pub mod crc;
-pub mod frame;
+mod crc;
+mod frame;
 pub mod framer;
+mod kind;
 mod log_transfer;
-pub mod node;
+mod node;
 mod node_time;
-pub mod parameter;
+mod parameter;
 mod ping;
 mod request;
 mod severity;
+mod wanted;
 
 pub use command::{Command, Refusal};
 pub use frame::{Address, Frame, Version};
+pub use kind::{Kind, Wanted};
 pub use log_transfer::{LOG_DATA_LEN, LogFile};
 pub use node::{Config, Counters, Node, PingReply};
 pub use node_time::NodeTime;
-pub use parameter::{Parameter, Parameters};
+pub use parameter::{Name, Parameter, Parameters, Text};
 pub use request::{Request, RequestKind};
 pub use sample_log::Test;
 pub use severity::Severity;
 pub use timebase::Fix;
+pub use wanted::Requests;

@@ -1,12 +1,12 @@
-//! The log over MAVLink: LOG_ENTRY when it is asked for, LOG_DATA piece by piece.
+//! The log over MAVLink: LOG_ENTRY, and LOG_DATA piece by piece.
 //!
-//! *Purpose.* What is wanted of the log and has not been sent yet.
+//! *Purpose.* What has been requested of the log and not been sent yet.
 //!
-//! *Design.* A request is noted; the frames are made one at a time, when the line has
-//! room ([`Node::poll`](crate::Node::poll)). A new request for data takes the place of
-//! the one before, so that a client which missed a piece asks for it and goes on. Where
-//! the log ends is looked up for each piece, since it may grow or be cleared meanwhile.
-//! What lies behind its end is answered with a piece of no bytes, which says so.
+//! *Design.* A request is noted. The frames are made one at a time, when the line has room
+//! ([`Node::poll`](crate::Node::poll)). A new request for data replaces the one before, so that a
+//! client which missed a piece can ask for it and go on. The end of the log is looked up for each
+//! piece, since the log may grow or be cleared meanwhile. A request behind its end is answered with
+//! a piece of no bytes.
 //!
 //! *Limits.* There is one log, number 1, and it is listed even when it is empty.
 
@@ -21,7 +21,7 @@ pub const LOG_DATA_LEN: usize = 90;
 /// The number of the log.
 pub(crate) const LOG_ID: u16 = 1;
 
-/// The log's file, where the node finds it.
+/// Where a node finds the file of its log.
 pub trait LogFile {
     /// Its length, in bytes.
     fn log_len(&self) -> u32;
@@ -29,12 +29,12 @@ pub trait LogFile {
     /// When the log was begun, in ns of UTC since 1970, if it was and that is known.
     fn log_began_ns(&self) -> Option<i64>;
 
-    /// Fills `out` with the file from `offset` on. The number of bytes: fewer than there
-    /// is room for at its end.
+    /// Fills `out` with the file from `offset` on, and returns the number of bytes: fewer than `out`
+    /// has room for at the end of the file.
     fn read_log(&self, offset: u32, out: &mut [u8]) -> usize;
 }
 
-/// What is still to be sent.
+/// The frames that are still to be sent.
 #[derive(Debug)]
 pub(crate) struct LogTransfer {
     version: Version,
@@ -42,7 +42,7 @@ pub(crate) struct LogTransfer {
     stretch: Option<Stretch>,
 }
 
-/// The bytes that are still wanted, those that the log does not have included.
+/// The bytes that are still wanted, including those beyond the end of the log.
 #[derive(Clone, Copy, Debug)]
 struct Stretch {
     next: u32,

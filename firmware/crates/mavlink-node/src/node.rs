@@ -1,43 +1,45 @@
-//! The node: which frames ask for something, and what is answered.
+//! The node: which frames ask for something, and how they are answered.
 //!
-//! *Purpose.* [`Node::push`] turns bytes into [`Request`]s, [`Node::answer`]
-//! turns a request and the time of its arrival into the frame to send. What takes more
-//! than a frame (parameters, the log) is sent by and by: [`Node::poll`].
+//! *Purpose.* [`Node::push`] turns bytes into [`Request`]s; [`Node::answer`] turns a request and
+//! the time of its arrival into the frame to send. What takes more than one frame (parameters, the
+//! log) is sent piece by piece: [`Node::poll`].
 //!
 //! *Design.* In two steps, because between them the caller reads the clock at
-//! [`Request::arrival`], and acts on a request that is to change something. Requests
-//! for parameters and for the log are noted and not handed out: they cost no more
-//! than that, however fast they come, and `poll` has their frames when the caller
-//! finds room on the line. A PING is a request when its target system is 0: the
-//! component is not looked at, since pymavlink's own is 0. A PING with a target is
-//! an answer, whoever it is for, and answering one would make loops. A TIMESYNC is
-//! a request when `tc1` is 0 and it is for us or for everybody. A command to us is
-//! obeyed or refused, see [`command`](crate::Command). Each answer is in the version of
-//! its request.
+//! [`Request::arrival`], and does what the request wants to have changed. Requests for parameters
+//! and for the log are noted and not handed out: they cost no more than that, at any rate, and
+//! `poll` returns their frames when the caller has room on the line.
 //!
-//! *Limits.* Everything but PING and TIMESYNC must name our system: a command to
-//! system 0 (everybody) is nobody's to refuse. PARAM_REQUEST_READ and PARAM_SET are
-//! heard in MAVLink 2 only, where [`framer`](crate::framer) has why.
+//! Each answer is in the version of its request.
+//!
+//! - A PING is a request when its target system is 0. The component is not looked at, since
+//!   pymavlink's own is 0. A PING with a target is an answer, and answering it would make loops.
+//! - A TIMESYNC is a request when `tc1` is 0 and it is for us or for all.
+//! - A command to us is obeyed or refused, see [`Command`].
+//!
+//! *Limits.* Everything but PING and TIMESYNC must name our system: a command to system 0 (all) is
+//! not refused, because no single node is meant. PARAM_REQUEST_READ and PARAM_SET are received in
+//! MAVLink 2 only; [`framer`](crate::framer) has the reason.
 
 use mavlink::MavlinkVersion::V2;
 use mavlink::MessageData;
 use mavlink::dialects::common::{
-    COMMAND_INT_DATA, COMMAND_LONG_DATA, LOG_ERASE_DATA, LOG_REQUEST_DATA_DATA,
-    LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA,
-    PARAM_SET_DATA, TIMESYNC_DATA,
+    COMMAND_INT_DATA, COMMAND_LONG_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA,
+    LOG_REQUEST_LIST_DATA, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA,
+    TIMESYNC_DATA,
 };
 use sample_log::Test;
 use timebase::{CORE_HZ, Cycles, StampedByte};
 
 use crate::command::Command;
 use crate::frame::{Address, Frame, Sender, Version};
-use crate::framer::{Delimited, Framer, FramingCounters, Kind, Wanted};
+use crate::framer::{Delimited, Framer, FramingCounters};
 use crate::log_transfer::{LOG_ID, LogFile, LogTransfer};
 use crate::node_time::NodeTime;
-use crate::parameter::{self, Name, Parameter, Parameters};
+use crate::parameter::{Name, Parameter, Parameters, PendingParameters};
 use crate::ping::Ping;
 use crate::request::{Request, RequestKind};
 use crate::severity::Severity;
+use crate::wanted::{Requests, target_at};
 
 /// How a node behaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,12 +74,12 @@ pub enum PingReply {
     Echo,
 }
 
-/// What a node has heard, by kind. All wrap.
+/// What a node has received, by kind. All wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// PINGs handed out to be answered.
+    /// PING requests, handed out to be answered.
     pub pings: u32,
-    /// TIMESYNCs handed out to be answered.
+    /// TIMESYNC requests, handed out to be answered.
     pub timesyncs: u32,
     /// Commands to us, handed out.
     pub commands: u32,
@@ -85,65 +87,21 @@ pub struct Counters {
     pub parameters: u32,
     /// Requests about the log.
     pub logs: u32,
-    /// Requests for a parameter or a log that is not there, among these.
+    /// Those of the above that name a parameter or a log that is not there.
     pub unknown: u32,
-    /// Answers to a PING or a TIMESYNC, whoever they are for: never answered.
+    /// Answers to a PING or a TIMESYNC of any system: never answered.
     pub answers: u32,
-    /// TIMESYNCs, commands and requests to somebody else.
+    /// TIMESYNCs, commands and requests to another system or component.
     pub for_others: u32,
-    /// What the framing met.
+    /// What the framer found.
     pub framing: FramingCounters,
 }
-
-/// The kinds that a node listens to.
-#[derive(Debug)]
-pub struct Requests;
-
-/// A line that has been silent for this long, in cycles, is between frames: 1 s. No host pauses for
-/// that long inside one.
-pub const IDLE: u64 = CORE_HZ as u64;
 
 /// How much later than `now` a byte may be stamped, in cycles: 1 s.
 const AFTER_NOW: u64 = CORE_HZ as u64;
 
-/// Where a request names its target: system, then component.
-const fn target_at(id: u32) -> usize {
-    match id {
-        COMMAND_INT_DATA::ID | COMMAND_LONG_DATA::ID => 30,
-        LOG_REQUEST_DATA_DATA::ID => 10,
-        LOG_REQUEST_LIST_DATA::ID | PARAM_SET_DATA::ID => 4,
-        PARAM_REQUEST_READ_DATA::ID => 2,
-        // PARAM_REQUEST_LIST, LOG_ERASE, LOG_REQUEST_END.
-        _ => 0,
-    }
-}
-
-/// Where PARAM_SET has the name.
+/// The offset of the name in a PARAM_SET, in bytes.
 const PARAM_SET_NAME: usize = 6;
-
-/// A kind of request with a target. In MAVLink 2 it is worth having only up to the
-/// target's system: one whose target is left out as a zero is not for us.
-const fn targeted<M: MessageData>() -> Kind {
-    Kind::of::<M>(M::ENCODED_LEN as u8, target_at(M::ID) as u8 + 1)
-}
-
-impl Wanted for Requests {
-    const KINDS: &'static [Kind] = &[
-        Ping::KIND,
-        Kind::of::<TIMESYNC_DATA>(16, 1),
-        targeted::<COMMAND_LONG_DATA>(),
-        targeted::<COMMAND_INT_DATA>(),
-        targeted::<PARAM_REQUEST_LIST_DATA>(),
-        targeted::<LOG_REQUEST_LIST_DATA>(),
-        targeted::<LOG_REQUEST_DATA_DATA>(),
-        targeted::<LOG_ERASE_DATA>(),
-        targeted::<LOG_REQUEST_END_DATA>(),
-        // Their lengths in MAVLink 1 are also ids of parameter messages: see the
-        // framer's *Cost*.
-        targeted::<PARAM_REQUEST_READ_DATA>().not_in_v1(),
-        targeted::<PARAM_SET_DATA>().not_in_v1(),
-    ];
-}
 
 /// A MAVLink endpoint on one line.
 #[derive(Debug)]
@@ -151,15 +109,19 @@ pub struct Node {
     framer: Framer<Requests>,
     pub(crate) sender: Sender,
     ping_reply: PingReply,
-    /// The version in which the node speaks unasked.
+    /// The version of broadcasts, see [`broadcast`](crate::broadcast).
     pub(crate) version: Version,
-    parameters: parameter::Wanted,
+    parameters: PendingParameters,
     log: LogTransfer,
     counters: Counters,
 }
 
 impl Node {
-    /// A node that has heard and sent nothing.
+    /// A line that has been silent for this long, in cycles, is between frames: 1 s. No host pauses
+    /// for that long inside one.
+    pub const IDLE: u64 = CORE_HZ as u64;
+
+    /// A node that has received and sent nothing.
     #[must_use]
     pub const fn new(config: Config) -> Self {
         Self {
@@ -170,7 +132,7 @@ impl Node {
             }),
             ping_reply: config.ping_reply,
             version: Version::V1,
-            parameters: parameter::Wanted::NONE,
+            parameters: PendingParameters::NONE,
             log: LogTransfer::NONE,
             counters: Counters {
                 pings: 0,
@@ -186,7 +148,7 @@ impl Node {
         }
     }
 
-    /// What has been heard so far.
+    /// What has been received so far.
     #[must_use]
     pub const fn counters(&self) -> Counters {
         Counters {
@@ -200,22 +162,21 @@ impl Node {
     #[must_use]
     pub fn poll_timeout(&self, now: Cycles) -> Option<Cycles> {
         let newest = self.framer.newest()?.extend(now.plus(AFTER_NOW));
-        Some(newest.plus(IDLE))
+        Some(newest.plus(Self::IDLE))
     }
 
-    /// Gives up a frame that has begun, if the line has been silent for [`IDLE`]; else does
-    /// nothing. A caller may be late, but not by more than 20 s: the stamps of what has begun
-    /// last no longer.
+    /// Gives up a frame that has begun, if the line has been silent for [`Self::IDLE`]; otherwise
+    /// does nothing. The call may be up to 20 s late: after that the stamps are ambiguous.
     pub fn handle_timeout(&mut self, now: Cycles) {
         if self.poll_timeout(now).is_some_and(|due| now >= due) {
             self.framer.give_up();
         }
     }
 
-    /// Takes a byte that was stamped at most 24 s before `now`, or up to 1 s after it
-    /// (while the queue was emptied for which `now` was read). A request is to be
-    /// answered with [`Self::answer`]; where there is no room for an answer, it
-    /// may be dropped. After each call [`Self::poll`] may have something to send.
+    /// Takes a byte that was stamped at most 24 s before `now`, or up to 1 s after it (bytes may
+    /// come while a queue is emptied, for which `now` was read once). A request is to be answered with
+    /// [`Self::answer`], or dropped where there is no room for an answer. After each call
+    /// [`Self::poll`] may have something to send.
     #[inline]
     pub fn push(&mut self, byte: StampedByte, now: Cycles) -> Option<Request> {
         match self.framer.push(byte) {
@@ -234,22 +195,22 @@ impl Node {
             arrival: frame.stamp.extend(now.plus(AFTER_NOW)),
             from: frame.from,
             version: frame.version,
-            ask: self.ask(&frame)?,
+            kind: self.kind(&frame)?,
         })
     }
 
-    fn ask(&mut self, frame: &Delimited) -> Option<RequestKind> {
+    fn kind(&mut self, frame: &Delimited) -> Option<RequestKind> {
         let counters = &mut self.counters;
         let us = self.sender.address();
-        let (ask, count) = match u32::from(frame.id) {
+        let (kind, count) = match u32::from(frame.id) {
             Ping::ID => {
                 let ping = Ping::parse(&frame.payload)?;
-                let ask = RequestKind::Ping {
+                let request = RequestKind::Ping {
                     time_usec: ping.time_usec,
                     seq: ping.seq,
                 };
                 match ping.target.system {
-                    0 => (Some(ask), &mut counters.pings),
+                    0 => (Some(request), &mut counters.pings),
                     _ => (None, &mut counters.answers),
                 }
             }
@@ -269,7 +230,7 @@ impl Node {
             _ => return self.targeted(frame),
         };
         *count = count.wrapping_add(1);
-        ask
+        kind
     }
 
     /// A request that names its target.
@@ -327,8 +288,8 @@ impl Node {
         !self.parameters.is_none() || !self.log.is_done()
     }
 
-    /// The next frame of what was asked for and takes more than one. To be called
-    /// while nothing more urgent waits for the line.
+    /// The next frame of an answer that takes more than one. To be called when nothing more urgent
+    /// waits for the line.
     #[inline(never)]
     pub fn poll(&mut self, board: &(impl Parameters + LogFile)) -> Option<Frame> {
         self.parameters
@@ -340,7 +301,7 @@ impl Node {
     #[inline(never)]
     pub fn answer(&mut self, request: &Request, time: NodeTime) -> Frame {
         let Request { from, version, .. } = *request;
-        match request.ask {
+        match request.kind {
             RequestKind::Ping { time_usec, seq } => Ping {
                 time_usec: match self.ping_reply {
                     PingReply::RtosTime => time.rtos_us(),

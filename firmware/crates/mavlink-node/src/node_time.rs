@@ -1,10 +1,8 @@
-//! The time that a node tells.
-//!
-//! *Purpose.* One moment in each unit that a message wants.
+//! The node's time at one moment, in each unit that a message has.
 //!
 //! *Design.* UTC once the clock is set, time since boot before, as MAVLink allows.
 //!
-//! *Limits.* UTC before 1970 is told as 0 µs.
+//! *Limits.* UTC before 1970 is 0 µs.
 
 use timebase::divide;
 

@@ -1,15 +1,15 @@
-//! What a node tells of itself, and cannot be told: its read-only parameters.
+//! The read-only parameters of a node.
 //!
-//! *Purpose.* The names, for both ends of the line, and which of the values are still
-//! to be sent.
+//! *Purpose.* Their names, for both ends of the line, and which of their values are still to be
+//! sent.
 //!
-//! *Design.* A request is noted as a bit for each parameter that it wants, so that
-//! asking twice costs nothing. The values are looked up and sent one at a time, when the
-//! line has room ([`Node::poll`](crate::Node::poll)). All values are REAL32, MAVLink's common ground: each of ours is a whole
-//! number below 2^24, which such a value holds exactly.
+//! *Design.* A request is noted as a bit for each parameter that it wants, so that a second request
+//! costs nothing. The values are looked up and sent one at a time, when the line has room
+//! ([`Node::poll`](crate::Node::poll)). All values are REAL32, which every client understands. Each of
+//! ours is a whole number below 2^24, which such a value holds exactly.
 //!
-//! *Limits.* PARAM_SET changes nothing; it is answered with the value that holds, as
-//! MAVLink wants a refusal to be told.
+//! *Limits.* PARAM_SET changes nothing. It is answered with the present value, which is how MAVLink
+//! refuses it.
 
 use core::fmt;
 
@@ -20,8 +20,7 @@ use crate::frame::{Frame, Sender, Version};
 /// A parameter of a node. Its index over MAVLink is its place here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parameter {
-    /// How the clock is kept: 0 pixclock's variant, 1 the paper's default, 2 its step I,
-    /// 3 its step II.
+    /// How the image was built: 0 pixclock, 1 the paper's default, 2 its step I, 3 its step II.
     Variant,
     /// From one tick to the next, in µs.
     TickUs,
@@ -46,7 +45,7 @@ impl Parameter {
         Self::LogMissed,
     ];
 
-    /// What it is called over MAVLink.
+    /// Its name over MAVLink.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -65,7 +64,7 @@ impl Parameter {
         self as u16
     }
 
-    /// The one of that name.
+    /// The parameter of that name.
     #[must_use]
     pub fn named(name: Name) -> Option<Self> {
         Self::ALL
@@ -74,7 +73,7 @@ impl Parameter {
     }
 }
 
-/// The values of the parameters, where the node finds them.
+/// Where a node finds the values of its parameters.
 pub trait Parameters {
     /// The value of a parameter.
     fn parameter(&self, parameter: Parameter) -> f32;
@@ -82,7 +81,7 @@ pub trait Parameters {
 
 /// The parameters that are still to be sent.
 #[derive(Debug)]
-pub(crate) struct Wanted {
+pub(crate) struct PendingParameters {
     version: Version,
     /// A bit for each, by index.
     bits: u8,
@@ -90,7 +89,7 @@ pub(crate) struct Wanted {
 
 const _: () = assert!(Parameter::ALL.len() <= u8::BITS as usize);
 
-impl Wanted {
+impl PendingParameters {
     pub(crate) const NONE: Self = Self {
         version: Version::V1,
         bits: 0,
@@ -141,7 +140,7 @@ impl<const N: usize> Text<N> {
         Self(bytes)
     }
 
-    /// The text; what comes before the first byte that is not UTF-8.
+    /// The text, up to the first byte that is not UTF-8.
     #[must_use]
     pub fn as_str(&self) -> &str {
         let end = self.0.iter().position(|&byte| byte == 0).unwrap_or(N);

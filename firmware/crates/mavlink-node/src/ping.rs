@@ -1,27 +1,23 @@
 //! The payload of a PING, the same in a request and in an answer.
 //!
-//! *Purpose.* [`Ping`] to and from the type of `mavlink`.
-//!
-//! *Design.* That type is marked as deprecated, since the MAVLink guide prefers
-//! TIMESYNC; it is named in this file only.
-//!
-//! *Limits.* None.
+//! The type of `mavlink` is marked as deprecated, since the MAVLink guide prefers TIMESYNC, so it is
+//! named in this file only.
 #![expect(deprecated, reason = "PING is what this project answers")]
 
 use mavlink::dialects::common::PING_DATA;
 use mavlink::{MavlinkVersion, MessageData};
 
 use crate::frame::{Address, Frame, Sender, Version};
-use crate::framer::Kind;
+use crate::kind::Kind;
 
-/// What a PING says.
+/// The fields of a PING.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Ping {
     /// In a request the sender's time in µs, in an answer the node's.
     pub(crate) time_usec: u64,
     /// The number of the request.
     pub(crate) seq: u32,
-    /// Whom the answer is for; system 0 makes it a request.
+    /// The receiver of the answer; with system 0 the PING is a request.
     pub(crate) target: Address,
 }
 

@@ -1,28 +1,28 @@
 //! A request that the node hands out, because its answer needs the clock or it changes
 //! something.
 //!
-//! What is only looked up the node asks of [`Parameters`](crate::Parameters) and
-//! [`LogFile`](crate::LogFile).
+//! What is only looked up, the node reads from [`Parameters`](crate::Parameters) and
+//! [`LogFile`](crate::LogFile) by itself.
 
 use timebase::Cycles;
 
 use crate::command::Command;
 use crate::frame::{Address, Version};
 
-/// Somebody asks something of this node.
+/// A client asks something of this node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Request {
     /// When the first byte of the frame had arrived.
     pub arrival: Cycles,
-    /// Who asks.
+    /// The client.
     pub from: Address,
-    /// In which version, hence in which the answer goes out.
+    /// The version of its frame, and so of the answer.
     pub version: Version,
-    /// What is asked.
-    pub ask: RequestKind,
+    /// What it asks for.
+    pub kind: RequestKind,
 }
 
-/// What is asked.
+/// What a client asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RequestKind {
     /// PING: the node's time.
@@ -32,14 +32,14 @@ pub enum RequestKind {
         /// Its number, which the answer keeps.
         seq: u32,
     },
-    /// TIMESYNC: the node's time between two of the sender's.
+    /// TIMESYNC: the node's time, to be compared with the sender's.
     TimeSync {
         /// The sender's time, in ns of its own clock; returned bit for bit.
         ts1: i64,
     },
-    /// COMMAND_LONG or COMMAND_INT: a test begins or ends, or a refusal. A test is to
-    /// begin or end before this is answered.
+    /// COMMAND_LONG or COMMAND_INT: a test begins or ends, or the command is refused. The test has
+    /// to begin or end before this is answered.
     Command(Command),
-    /// LOG_ERASE: the log is to be cleared before this is answered.
+    /// LOG_ERASE: the log has to be cleared before this is answered.
     EraseLog,
 }

@@ -287,7 +287,7 @@ fn nav_pvt(firmware: &Firmware) -> anyhow::Result<Row> {
 fn ping(firmware: &Firmware) -> anyhow::Result<Row> {
     /// The checksum, the fields, the answer.
     const STEPS: [&str; 3] = [
-        "Framer<mavlink_node::node::Requests, 35>>::longest_intact",
+        "Framer<mavlink_node::wanted::Requests, 35>>::longest_intact",
         "node::Node>::request",
         "node::Node>::answer",
     ];

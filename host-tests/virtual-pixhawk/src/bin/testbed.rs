@@ -261,9 +261,9 @@ impl Lab {
             for heard in board.take_received(Connector::Telem1)? {
                 let stamp = Stamp((heard.at.0 / 6) as u32);
                 let byte = heard.byte;
-                if let Some(Received { what, .. }) = client.push(StampedByte { stamp, byte }) {
-                    conversation.heard(since_test(heard.at.0), &what);
-                    if let Message::Parameter { name, value, .. } = what
+                if let Some(Received { message, .. }) = client.push(StampedByte { stamp, byte }) {
+                    conversation.heard(since_test(heard.at.0), &message);
+                    if let Message::Parameter { name, value, .. } = message
                         && Parameter::named(name) == Some(Parameter::LogMissed)
                     {
                         log_missed = value as u32;

@@ -60,7 +60,7 @@ pub(crate) fn said(heard: &[ReceivedByte]) -> Vec<(WorldNanos, Message)> {
                 stamp: Stamp((heard.at.0 / 6) as u32),
                 byte: heard.byte,
             };
-            Some((heard.at, client.push(stamped)?.what))
+            Some((heard.at, client.push(stamped)?.message))
         })
         .collect()
 }

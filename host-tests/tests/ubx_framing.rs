@@ -4,7 +4,6 @@
 use proptest::collection::vec;
 use proptest::prelude::*;
 use timebase::Cycles;
-use ubx_link::link::IDLE;
 use ubx_link::{Event, Link, LinkCounters};
 use world::ubx::{self, Claims};
 
@@ -235,7 +234,7 @@ fn a_frame_cut_short_does_not_hold_up_the_answer_behind_an_idle_line() {
     let cut = ubx_line::stamped(&nav_pvt(0)[..50]);
     let last = ubx_line::arrival(49);
     assert!(ubx_line::drain(&mut link, last, &cut).is_empty());
-    let idle = last.plus(u64::from(IDLE));
+    let idle = last.plus(u64::from(Link::IDLE));
     assert_eq!(link.poll_timeout(last), Some(idle));
     assert!(ubx_line::drain(&mut link, Cycles(idle.0 - 1), &[]).is_empty());
     assert_eq!(link.counters().truncated, 0);
@@ -245,7 +244,7 @@ fn a_frame_cut_short_does_not_hold_up_the_answer_behind_an_idle_line() {
     assert_eq!(link.poll_timeout(idle), None);
 
     let answer = ubx_line::stamped(&ack(8));
-    let later = idle.plus(u64::from(IDLE));
+    let later = idle.plus(u64::from(Link::IDLE));
     let events = ubx_line::drain(&mut link, later, &answer);
     assert_eq!(events, [Event::Ack { class: 6, id: 8 }]);
 }
@@ -257,7 +256,7 @@ fn an_answer_inside_a_frame_cut_short_comes_out_when_the_line_is_idle() {
     let line = ubx_line::stamped(&bytes);
     let last = ubx_line::arrival(line.len() - 1);
     assert!(ubx_line::drain(&mut link, last, &line).is_empty());
-    let events = ubx_line::drain(&mut link, last.plus(u64::from(IDLE)), &[]);
+    let events = ubx_line::drain(&mut link, last.plus(u64::from(Link::IDLE)), &[]);
     assert_eq!(events, [Event::Ack { class: 6, id: 8 }]);
     assert_eq!(link.counters().truncated, 1);
 }
@@ -266,7 +265,7 @@ fn an_answer_inside_a_frame_cut_short_comes_out_when_the_line_is_idle() {
 fn a_pause_shorter_than_idle_breaks_no_frame() {
     let bytes = nav_pvt(0);
     let mut line = ubx_line::stamped(&bytes);
-    let pause = u64::from(IDLE) - 2 * ubx_line::BYTE;
+    let pause = u64::from(Link::IDLE) - 2 * ubx_line::BYTE;
     for (index, byte) in line.iter_mut().enumerate().skip(50) {
         byte.stamp = ubx_line::arrival(index).plus(pause).stamp();
     }

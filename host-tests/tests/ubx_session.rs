@@ -2,9 +2,7 @@
 //! configured, found again after a restart; bounded in all that it sends.
 
 use timebase::{CORE_HZ, Cycles};
-use ubx_link::config::{BAUD, BAUDS, Setting};
-use ubx_link::session::TRIES;
-use ubx_link::{Action, Event, Link, Session, SessionCounters};
+use ubx_link::{Action, BAUD, BAUDS, Event, Link, Session, SessionCounters, Setting};
 use world::{Latency, Port, Receiver, ReceiverSettings, Recording, Talker, WorldNanos, ubx};
 
 const NOON_NS: i64 = 1_795_348_800_000_000_000;
@@ -226,7 +224,7 @@ fn forecasts_come_as_long_as_they_are_wanted() {
         (30, false, Port::CONFIGURED),
         (40, true, with_forecasts),
     ] {
-        board.session.want_forecasts(wanted);
+        board.session.handle_forecasts_wanted(wanted);
         board.run(&mut receiver, WorldNanos(end_s * SECOND));
         assert_eq!(receiver.port(), port);
     }
@@ -308,7 +306,7 @@ fn a_receiver_that_talks_and_does_not_hear_is_left_at_its_rate() {
     let expected = SessionCounters {
         rounds: 1,
         attempts: 1,
-        unanswered: 5 * u32::from(TRIES),
+        unanswered: 5 * u32::from(Session::TRIES),
         ..SessionCounters::default()
     };
     assert_eq!(board.session.counters(), expected);
@@ -350,7 +348,7 @@ fn a_refusal_is_counted_and_the_session_goes_on() {
     assert_eq!(session.counters().refused, 5);
     // What was refused is not asked for again, but for another wish.
     assert_eq!(session.poll(now), None);
-    session.want_forecasts(true);
+    session.handle_forecasts_wanted(true);
     assert!(matches!(session.poll(now), Some(Action::Transmit(_))));
 }
 

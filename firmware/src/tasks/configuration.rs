@@ -33,8 +33,8 @@ impl Configuration {
 
     /// Says whether the pulse is to be forecast. Before [`Self::drive`].
     #[inline]
-    pub const fn want_forecasts(&mut self, wanted: bool) {
-        self.session.want_forecasts(wanted);
+    pub const fn handle_forecasts_wanted(&mut self, wanted: bool) {
+        self.session.handle_forecasts_wanted(wanted);
     }
 
     /// Does what the session asks for.

@@ -131,7 +131,7 @@ impl Receiver {
     /// Goes on with the receiver's configuration.
     fn configure(&mut self, writer: &mut Writer, now: Cycles) {
         let has_pulse = self.edge.is_some_and(|edge| edge.plus(FORECASTS_FOR) > now);
-        self.configuration.want_forecasts(has_pulse);
+        self.configuration.handle_forecasts_wanted(has_pulse);
         self.configuration.drive(writer, now);
     }
 

@@ -64,7 +64,7 @@ pub fn hear(link: &mut Link, bytes: &[u8], cuts: &[usize]) -> Vec<Event> {
         }
     }
     // Two polls: one may still be about what a good frame had behind it.
-    let idle = arrival(done).plus(u64::from(ubx_link::link::IDLE));
+    let idle = arrival(done).plus(u64::from(Link::IDLE));
     events.extend(drain(link, idle, &[]));
     events.extend(drain(link, idle, &[]));
     events

@@ -62,7 +62,7 @@ mod frame;
 pub mod framer;
 mod kind;
 mod log_transfer;
-mod node;
+pub mod node;
 mod node_time;
 mod parameter;
 mod ping;

@@ -1,15 +1,15 @@
 //! The configuration frames, byte for byte.
 //!
-//! *Purpose.* What the receiver is told: the line's rate and UBX alone, a solution
+//! *Purpose.* The receiver's settings: the line's rate and UBX alone, a solution
 //! each 200 ms on the grid of UTC, NAV-PVT of it, the airborne model, a pulse at
 //! each full second, and whether to forecast it.
 //!
 //! *Design.* Built by `ublox`, except for CFG-PRT: its builder leaves out a bit of
-//! `mode` that is reserved and set in every receiver's own answer. The frames are
-//! pinned to the byte by a test, against two encoders of other people.
+//! `mode` that is reserved and set in every receiver's own answer. A test compares
+//! the frames to the byte with those of two other encoders.
 //!
-//! *Limits.* The older configuration messages of the M8 and before it; an F9
-//! accepts them, an F10 and later no longer.
+//! *Limits.* The configuration messages of the M8 and before it. An F9 accepts
+//! them; an F10 and later do not.
 
 use ublox::cfg_msg::CfgMsgSinglePortBuilder;
 use ublox::cfg_nav5::{CfgNav5Builder, CfgNav5Params, NavDynamicModel, NavFixMode};
@@ -19,12 +19,11 @@ use ublox::cfg_tp5::{CfgTp5Builder, CfgTp5Flags};
 use crate::fletcher::Fletcher;
 use crate::kind::{SYNC_1, SYNC_2};
 
-/// The rate on both ends of the line unless another one is asked for, in baud.
+/// The default rate of the line, in baud.
 pub const BAUD: u32 = 115_200;
 
-/// The rates at which a receiver is looked for, in the order of the search: ours,
-/// the factory's, a Here+'s, and what is left of PX4's list
-/// (`PX4-GPSDrivers`, `ubx.cpp`).
+/// The rates at which a receiver is looked for, in baud, in the order of the search: ours, the
+/// factory's, a Here+'s, and the rest of PX4's list (`PX4-GPSDrivers`, `ubx.cpp`).
 pub const BAUDS: [u32; 5] = [BAUD, 9_600, 38_400, 57_600, 230_400];
 
 /// From solution to solution, in ms.
@@ -40,14 +39,14 @@ pub enum Setting {
     Port,
     /// CFG-RATE: a solution every 200 ms, aligned to UTC.
     Rate,
-    /// CFG-MSG: NAV-PVT at every solution, on the port that hears it.
+    /// CFG-MSG: NAV-PVT at every solution, on the port that receives this.
     Message,
     /// CFG-NAV5: airborne below 2 g, 3D fixes only.
     Navigation,
     /// CFG-TP5: a pulse of 100 ms at each second of UTC, once GNSS time is known;
     /// its rising edge is the mark.
     Pulse,
-    /// CFG-MSG: TIM-TP before every pulse, on the port that hears it, or never.
+    /// CFG-MSG: TIM-TP before every pulse, on the port that receives this, or never.
     Forecasts {
         /// Whether it is to come.
         on: bool,
@@ -55,7 +54,7 @@ pub enum Setting {
 }
 
 impl Setting {
-    /// Class and id, as they stand in the answer.
+    /// Class and id, as in the answer.
     #[must_use]
     pub const fn message(self) -> (u8, u8) {
         let id = match self {
@@ -68,7 +67,7 @@ impl Setting {
         (0x06, id)
     }
 
-    /// Writes the frame to `buffer` and says its length; `baud` is our rate.
+    /// Writes the frame to `buffer` and returns its length, in bytes; `baud` is our rate.
     pub(crate) fn write(self, baud: u32, buffer: &mut [u8; LONGEST]) -> usize {
         match self {
             Self::Port => put(buffer, &port(baud)),
@@ -117,9 +116,9 @@ impl Setting {
                     freq_period_lock: 1_000_000.0,
                     pulse_len_ratio: 0.0,
                     pulse_len_ratio_lock: 100_000.0,
-                    // `ublox` has the four bits of gridUtcGnss as flags of one bit
-                    // each, one too high: its UTC_TIME_GRID is the GPS grid on the
-                    // wire. No flag at all is 0, which is UTC.
+                    // `ublox` has the four bits of gridUtcGnss as flags of one bit each, one bit
+                    // too high: its UTC_TIME_GRID is the GPS grid in the message. Without a flag
+                    // the field is 0, which is UTC.
                     flags: CfgTp5Flags::ACTIVE
                         | CfgTp5Flags::LOCK_GNSS_FREQ
                         | CfgTp5Flags::LOCKED_OTHER_SET

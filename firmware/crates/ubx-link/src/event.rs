@@ -1,21 +1,21 @@
 //! What a good frame says.
 //!
-//! *Purpose.* A NAV-PVT as the clock's [`TimeMark`] and as the position that
-//! MAVLink passes on; a TIM-TP as its [`PulseForecast`]; an answer to configuration.
+//! *Purpose.* A NAV-PVT becomes the clock's [`TimeMark`] and the [`Fix`] that MAVLink passes on, a
+//! TIM-TP a [`PulseForecast`]; and there are the answers to the configuration.
 //!
-//! *Design.* `ublox` reads the payload, once, and only its raw integers are used:
+//! *Design.* `ublox` parses the payload, once, and only its raw integers are used:
 //! its scaled accessors are in `f64`, which this core does in software, and its
-//! `Debug` panics on some packets. Nothing is judged here: a month may be 13.
+//! `Debug` panics on some packets. Nothing is checked here: a month may be 13.
 //!
 //! *The sign of `qErr`.* The receiver description calls it the quantisation error
-//! of the time pulse and names no sign. Measured with a time-interval counter, from a
+//! of the time pulse and defines no sign. Measured with a time-interval counter, from a
 //! reference to the pulse of a ZED-F9T, it is to be **added** to the measured
-//! interval to take the sawtooth out (A. Wallin, anderswallin.net, "uBlox F9T qErr
+//! interval to remove the sawtooth (A. Wallin, anderswallin.net, "uBlox F9T qErr
 //! correction", 2019): a pulse that is late has a negative one. So
 //! [`PulseForecast::late_ps`] is −`qErr`.
 //!
 //! *Limits.* Height above the ellipsoid, the velocity's components and the
-//! magnetic fields are left where they are.
+//! magnetic fields are not used.
 
 use timebase::{CivilTime, Cycles, Fix, PulseForecast, TimeMark, Validity};
 use ublox::UbxProtocol;
@@ -23,7 +23,7 @@ use ublox::proto23::{PacketRef, Proto23};
 
 use crate::kind::{ACK_PAYLOAD_LEN, HEADER_LEN, Kind, NAV_PVT_PAYLOAD_LEN, TIM_TP_PAYLOAD_LEN};
 
-/// What the receiver said.
+/// A message of the receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     /// NAV-PVT: a solution.
@@ -33,7 +33,7 @@ pub enum Event {
         /// Its position.
         fix: Fix,
     },
-    /// TIM-TP: what the next time pulse will be like.
+    /// TIM-TP: the error of the next time pulse.
     TimTp(PulseForecast),
     /// ACK-ACK: a configuration frame was accepted.
     Ack {
@@ -51,20 +51,25 @@ pub enum Event {
     },
 }
 
-/// `qErrInvalid` in the flags of a TIM-TP: `qErr` says nothing. The bit is younger than
-/// the M8 (u-blox F9 interface descriptions) and 0 before; a recorded cold start has
-/// it set, and `qErr` 0, for as long as it lasts.
+/// `qErrInvalid` in the flags of a TIM-TP: `qErr` has no value. The bit is newer than the M8 (u-blox
+/// F9 interface descriptions), which has 0 there. In a recorded cold start it is set, and `qErr` is
+/// 0, until the start is over.
 const QUANTISATION_UNKNOWN: u8 = 0x10;
-/// Where those flags stand in the payload: `ublox` keeps their raw value to itself.
+/// The offset of those flags in the payload, in bytes: `ublox` does not give their raw value.
 const TIM_TP_FLAGS: usize = 14;
 
-/// The bits of `valid` and `flags` that are used, and `utcStandard` when the
-/// leap-second count is still the one that the receiver was built with.
+/// `validDate` in the field `valid` of a NAV-PVT.
 const VALID_DATE: u8 = 0x01;
+/// `validTime` in the same field.
 const VALID_TIME: u8 = 0x02;
+/// `fullyResolved` in the same field.
 const FULLY_RESOLVED: u8 = 0x04;
+/// `utcStandard`, the upper four bits of the same field, while the count of leap seconds is the one
+/// that the receiver was built with.
 const UTC_STANDARD_UNKNOWN: u8 = 0xf;
+/// `gnssFixOK` in the field `flags`.
 const GNSS_FIX_OK: u8 = 0x01;
+/// `confirmedTime` in the field `flags2`.
 const CONFIRMED_TIME: u8 = 0x80;
 
 /// The payload of a frame, of `LENGTH` bytes.
@@ -72,12 +77,11 @@ fn payload<const LENGTH: usize>(frame: &[u8]) -> Option<&[u8; LENGTH]> {
     frame.get(HEADER_LEN..)?.first_chunk()
 }
 
-/// What the whole frame `frame` of `kind` says, whose first byte came at
-/// `arrival`; `None` if `ublox` refuses it, or if it says of itself that it says
-/// nothing.
+/// The event of a whole `frame` of `kind` whose first byte came at `arrival`; `None` if `ublox`
+/// refuses it, or if its own flags say that it has no value.
 pub(crate) fn parse(kind: Kind, frame: &[u8], arrival: Cycles) -> Option<Event> {
-    // Class and id are constants in each call, so that of `ublox`'s table of
-    // packets only the one in question is compiled.
+    // Class and id are constants in each call, so that only this packet of `ublox`'s table is
+    // compiled.
     match kind {
         Kind::NavPvt => {
             let payload = payload::<NAV_PVT_PAYLOAD_LEN>(frame)?;

@@ -1,15 +1,13 @@
 //! The checksum of UBX, as a running pair.
 //!
 //! *Purpose.* The checksum of any stretch of the line from two readings of one
-//! running pair, so that no candidate has to be summed anew.
+//! running pair, so that no candidate has to be summed again.
 //!
-//! *Design.* Fletcher's checksum has the sum of the bytes, `A`, and the sum of all
-//! values that `A` took, `B`. Both are linear: with the pair read before and after
+//! *Design.* Fletcher's checksum is the sum of the bytes, `A`, and the sum of all
+//! values of `A`, `B`. Both are linear: with the pair read before and after
 //! a stretch of `n` bytes, the stretch alone has `A₂ − A₁` and
-//! `B₂ − B₁ − n · A₁`. They are 32 bits wide and may wrap, because the checksum is
+//! `B₂ − B₁ − n · A₁`. They have 32 bits and may wrap, because the checksum is
 //! their lowest eight.
-//!
-//! *Limits.* None: where the pair began to run does not matter.
 
 /// A reading of the running pair.
 #[derive(Clone, Copy, Debug, Default)]
@@ -32,8 +30,8 @@ impl Fletcher {
     /// The pair after `bytes`.
     #[inline]
     pub(crate) fn then_all(self, bytes: &[u8]) -> Self {
-        // By words: on this core a byte out of a register costs nothing extra, one
-        // out of memory an instruction.
+        // By words: on this core a byte from a register costs nothing extra, and one from memory
+        // an instruction.
         let (words, rest) = bytes.as_chunks();
         let whole = words.iter().fold(self, |pair, word| {
             let word = u32::from_le_bytes(*word);

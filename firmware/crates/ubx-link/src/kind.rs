@@ -1,17 +1,17 @@
-//! The frames that we use, and how their headers look.
+//! The frames that we use, and their headers.
 //!
-//! *Purpose.* To say of the first bytes of a frame whether it can be one of ours.
+//! *Purpose.* Whether the first bytes of a frame can be one of ours.
 //!
-//! *Design.* Class, id **and** length must be right: a false length is no
-//! candidate, so that it cannot hold anything up.
+//! *Design.* Class, id **and** length must be right. A false length is no candidate, so it
+//! cannot delay the frame behind it.
 //!
-//! *Limits.* A NAV-PVT of another length than the M8's 92 bytes is not ours.
+//! *Limits.* A NAV-PVT whose length is not the M8's 92 bytes is not ours.
 
-/// The two sync bytes.
+/// Bytes of the sync.
 pub(crate) const SYNC_LEN: usize = 2;
-/// Sync, class, id and length.
+/// Bytes of the sync, class, id and length.
 pub(crate) const HEADER_LEN: usize = 6;
-/// The checksum behind the payload.
+/// Bytes of the checksum behind the payload.
 pub(crate) const CHECKSUM_LEN: usize = 2;
 const OVERHEAD: usize = HEADER_LEN + CHECKSUM_LEN;
 /// Payload of a NAV-PVT, in bytes (u-blox M8 receiver description).
@@ -48,23 +48,23 @@ impl Kind {
     }
 }
 
-/// What bytes that begin with [`SYNC_1`] can be.
+/// What bytes that begin with [`SYNC_1`] may be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Header {
     /// The header of a frame that we use.
     Ours(Kind),
-    /// Too few bytes to tell.
+    /// Too few bytes to decide.
     Unfinished,
     /// Not a UBX header: the second sync byte is missing.
     LoneSync,
     /// A UBX header of another class or id.
     OtherMessage,
-    /// One of ours by class and id, but not by its length.
+    /// One of ours by class and id, but not by length.
     FalseLength,
 }
 
 impl Header {
-    /// Looks at the bytes from a [`SYNC_1`] on.
+    /// What `bytes` may be, which begin with a [`SYNC_1`].
     #[inline]
     pub(crate) fn at(bytes: &[u8]) -> Self {
         // Class, id and length are compared as one word, class and id as half.

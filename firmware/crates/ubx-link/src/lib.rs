@@ -1,18 +1,55 @@
-//! The u-blox receiver: what it says, and how it is told what to say.
+//! A u-blox receiver on a serial line: its messages with their arrivals, and its configuration.
 //!
-//! *Purpose.* Bytes off the line become [`Event`]s, a NAV-PVT among them a
-//! [`TimeMark`](timebase::TimeMark), a TIM-TP a
-//! [`PulseForecast`](timebase::PulseForecast); and the receiver is brought to 115200
-//! baud and NAV-PVT alone at 5 Hz, with TIM-TP beside it when it is wanted.
+//! *Purpose.* Bytes of the line become [`Event`]s: a NAV-PVT a [`TimeMark`](timebase::TimeMark) and
+//! a [`Fix`], a TIM-TP a [`PulseForecast`](timebase::PulseForecast). And a receiver is configured,
+//! whatever its settings were: 115200 baud, NAV-PVT alone at 5 Hz, and TIM-TP while it is wanted.
+//! The types that matter:
 //!
-//! *Design.* [`Link`] finds frames by its own search and hands each whole one to
-//! the crate `ublox` once. [`Session`] is the configuration: which bytes leave
-//! when, at which speed, and what to do without an answer. Both are state
-//! machines without I/O; time is an argument. `ublox` is not in the
-//! interface.
+//! - [`Link`], which takes bytes and finds the frames in them;
+//! - [`Event`], what a frame says;
+//! - [`Session`], the configuration: which bytes are sent when, at which rate, and what to do
+//!   without an answer.
 //!
-//! *Limits.* u-blox M8, protocol 15 to 23, over a UART. Only NAV-PVT, TIM-TP,
-//! ACK-ACK and ACK-NAK are understood; anything else on the line is scanned through.
+//! *Design.* Both are state machines without I/O, and time is an argument. The search for frames is
+//! ours, at a cost that no stream can raise. Each whole frame goes once through the crate `ublox`,
+//! which is not in the interface.
+//!
+//! *Limits.* u-blox M8, protocol 15 to 23, over a UART. Only NAV-PVT, TIM-TP, ACK-ACK and ACK-NAK
+//! are understood; everything else on the line is skipped and counted.
+//!
+//! ```
+//! use timebase::{Cycles, StampedByte};
+//! use ubx_link::{Action, Event, Link, Session};
+//!
+//! // A NAV-PVT for 2026-11-22 04:00:00 UTC, behind two bytes of noise.
+//! let mut frame = vec![0xb5, 0x62, 0x01, 0x07, 92, 0];
+//! frame.extend([0, 0, 0, 0, 0xea, 0x07, 11, 22, 4, 0, 0]);
+//! frame.resize(6 + 92, 0);
+//! let (mut a, mut b) = (0_u8, 0_u8);
+//! for byte in &frame[2..] {
+//!     a = a.wrapping_add(*byte);
+//!     b = b.wrapping_add(a);
+//! }
+//! let line = [&[0xb5, 0x00], &frame[..], &[a, b]].concat();
+//! // A byte each 87 µs, as on a line at 115200 baud.
+//! let arrival = |nth: usize| Cycles(1_000_000 + 14_583 * nth as u64);
+//! let stamped = |(nth, &byte)| StampedByte { stamp: arrival(nth).stamp(), byte };
+//! let bytes: Vec<StampedByte> = line.iter().enumerate().map(stamped).collect();
+//!
+//! let mut link = Link::new();
+//! let now = arrival(line.len());
+//! assert_eq!(link.push(&bytes), bytes.len());
+//! let event = link.poll(now).expect("an event");
+//! let Event::NavPvt { mark, .. } = event else { panic!("another event") };
+//! assert_eq!((mark.epoch.year, mark.epoch.hour), (2026, 4));
+//! assert_eq!(mark.arrival, arrival(2));
+//!
+//! // The receiver is there, so its settings are sent: the first is CFG-RATE.
+//! let mut session = Session::new();
+//! session.handle_event(now, &event);
+//! let Some(Action::Transmit(setting)) = session.poll(now) else { panic!("nothing to do") };
+//! assert_eq!(setting[2..4], [0x06, 0x08]);
+//! ```
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(
@@ -22,7 +59,7 @@
     clippy::indexing_slicing
 )]
 
-pub mod config;
+mod config;
 mod event;
 mod fletcher;
 mod kind;
@@ -30,6 +67,7 @@ pub mod link;
 pub mod session;
 mod window;
 
+pub use config::{BAUD, BAUDS, Setting};
 pub use event::Event;
 pub use link::{Link, LinkCounters};
 pub use session::{Action, Session, SessionCounters};

@@ -1,27 +1,26 @@
 //! Bytes in, events out: the search for frames.
 //!
-//! *Purpose.* To find each frame of ours among NMEA, RTCM3, other UBX, damage and
-//! noise, whatever the cutting of the bytes: exactly those that a search of every
-//! offset from the left would find whose header is one of ours and whose checksum
-//! holds, none overlapping another.
+//! *Purpose.* Each frame of ours is found among NMEA, RTCM3, other UBX, damage and noise, however
+//! the bytes are cut into pieces: exactly the frames that a search of every offset from the left
+//! would find, whose header is one of ours and whose checksum holds, and which do not overlap.
 //!
-//! *Design.* Two steps take turns. *Fill* takes what the line has. *Examine* waits
-//! until as much is held as the next decision needs: a whole frame where a header
-//! stands at the front, else the shortest frame that there is, since nothing can be
-//! complete before. Then it judges the frame at the front, or gives up bytes until
-//! another header stands there. Within a frame that fails, the search goes on at
-//! its second byte, among the bytes already held. So each byte is taken once,
-//! given up once and summed at most twice, and what a header costs on top,
-//! it costs at most once in six bytes. Measured on a Cortex-M4, out of the ring and
-//! in pieces of 57 bytes (5 ms at 115200): 29 instructions a byte for good frames,
-//! 33 for NMEA, 59 for headers without end; a poll without a byte is 54.
+//! *Design.* Two steps take turns. *Fill* takes what the line has. *Examine* waits until enough
+//! bytes are held for the next decision: a whole frame if a header is at the front, else the
+//! shortest frame that there is, since nothing can be complete before. Then it checks the frame at
+//! the front, or removes bytes until another header is there. After a frame that fails, the search
+//! goes on at its second byte, among the bytes already held. So each byte is taken once, removed
+//! once and summed at most twice. The extra cost of a header arises at most once in six bytes.
 //!
-//! A frame that was cut short would wait for bytes of the next one. It fails when
-//! those come; and if the line falls silent instead for [`IDLE`], the bytes are
-//! given up, so that no answer behind it waits for the next solution.
+//! Measured on a Cortex-M4, from the ring and in pieces of 57 bytes (5 ms at 115200): 29
+//! instructions a byte for good frames, 33 for NMEA, 59 for headers without end; a poll without a
+//! byte is 54.
 //!
-//! *Limits.* An event waits for no byte behind it, but for a longer frame that
-//! begins before it and may yet turn out to be whole.
+//! A frame that was cut short would wait for bytes of the next one. It fails when those come. If the
+//! line is silent for [`Link::IDLE`] instead, its bytes are removed, so that an answer behind it
+//! does not wait for the next solution.
+//!
+//! *Limits.* An event does not wait for bytes behind it, except for those of a longer frame that
+//! begins before it and may still prove to be whole.
 
 use timebase::{CORE_HZ, Cycles, Stamp, StampedByte};
 
@@ -30,17 +29,11 @@ use crate::fletcher::Fletcher;
 use crate::kind::{CHECKSUM_LEN, Header, Kind, LONGEST, SHORTEST, SYNC_1, SYNC_LEN};
 use crate::window::{CAPACITY, Window};
 
-/// A line that has been silent for this long is between frames, in cycles: 20 ms.
-/// A receiver sends a frame without pauses, and a byte lasts 2.1 ms at 4800 baud,
-/// the slowest it can be set to; at 5 Hz a burst at 115200 is followed by 190 ms
-/// of silence.
-pub const IDLE: u32 = CORE_HZ / 50;
-
-/// How far a stamp may be *ahead* of the `now` of the same call, in cycles:
-/// 100 ms. Bytes keep arriving while a ring is drained.
+/// How much later than the `now` of the same call a byte may be stamped, in cycles: 100 ms. Bytes
+/// arrive while a ring is drained.
 const AHEAD: u32 = CORE_HZ / 10;
 
-/// What has come over the line so far. Each wraps.
+/// What has come over the line so far. All wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LinkCounters {
     /// Good frames: NAV-PVT.
@@ -51,12 +44,12 @@ pub struct LinkCounters {
     pub acks: u32,
     /// Good frames: ACK-NAK.
     pub naks: u32,
-    /// Frames that looked like ours and whose checksum did not hold.
+    /// Frames with a header of ours whose checksum did not hold.
     pub bad_checksums: u32,
-    /// Frames that looked like ours and broke off before an idle line.
+    /// Frames with a header of ours that broke off before an idle line.
     pub truncated: u32,
-    /// Frames whose checksum held and that `ublox` would not read, or that said of
-    /// themselves that they say nothing (TIM-TP).
+    /// Frames whose checksum held, but which `ublox` refused, or whose own flags say that they have
+    /// no value (TIM-TP).
     pub refused: u32,
     /// Headers of ours by class and id, but with another length.
     pub false_lengths: u32,
@@ -66,7 +59,7 @@ pub struct LinkCounters {
     pub lone_syncs: u32,
     /// Dollar signs outside of frames: the beginnings of NMEA sentences.
     pub nmea_starts: u32,
-    /// Bytes that belonged to no good frame, all of the above included.
+    /// Bytes that belonged to no good frame, those of the above included.
     pub foreign_bytes: u32,
 }
 
@@ -77,7 +70,7 @@ pub struct Link {
     sums: Sums,
     /// The frame whose header stands at the front of the window.
     candidate: Option<Kind>,
-    /// How many bytes have to be held before the next decision.
+    /// The number of bytes that have to be held before the next decision.
     wanted: usize,
     counters: LinkCounters,
 }
@@ -89,7 +82,16 @@ impl Default for Link {
 }
 
 impl Link {
-    /// A line on which nothing has been heard.
+    /// A line that has been silent for this long, in cycles, is between frames: 20 ms.
+    ///
+    /// A receiver sends a frame without pauses, and a byte lasts 2.1 ms at 4800 baud, the slowest
+    /// rate that it can have. At 5 Hz and 115200 baud a burst is followed by 190 ms of silence.
+    pub const IDLE: u32 = CORE_HZ / 50;
+
+    /// The number of bytes for which there is room behind a frame that was cut short.
+    pub const ROOM: usize = CAPACITY - LONGEST;
+
+    /// A line on which nothing has been received.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -114,28 +116,25 @@ impl Link {
         }
     }
 
-    /// For how many bytes there is room between a frame cut short and the end of
-    /// the window.
-    pub const ROOM: usize = CAPACITY - LONGEST;
-
     /// What has come over the line so far.
     #[must_use]
     pub const fn counters(&self) -> LinkCounters {
         self.counters
     }
 
-    /// Takes bytes off the line, as many as there is room for: how many. There is
-    /// room for [`ROOM`](Self::ROOM) after [`Link::poll`] has returned `None`.
+    /// Takes bytes of the line, as many as there is room for, and returns how many. There is room for
+    /// [`Self::ROOM`] after [`Self::poll`] has returned `None`.
     #[inline]
     pub fn push(&mut self, bytes: &[StampedByte]) -> usize {
         self.window.fill(bytes)
     }
 
-    /// The next event in what was heard: call until there is none, each time after
-    /// [`Link::hear`] and when [`Link::poll_timeout`] has come. A byte may be stamped
-    /// up to 100 ms later than `now`, because bytes keep arriving meanwhile. Where a
-    /// line's bytes are heard in several goes, `now` is the time of each: later, the
-    /// line would seem idle behind it.
+    /// The next event. Call until there is none, after each [`Self::push`] and at
+    /// [`Self::poll_timeout`].
+    ///
+    /// A byte may be stamped up to 100 ms later than `now`, because bytes arrive meanwhile. If a
+    /// backlog is pushed in several pieces, `now` is the time of each piece: with a later one, the
+    /// line would seem to be idle behind it.
     pub fn poll(&mut self, now: Cycles) -> Option<Event> {
         loop {
             let idle = self.window.len() < self.wanted;
@@ -150,12 +149,12 @@ impl Link {
         }
     }
 
-    /// When to call [`Link::poll`] again even if no byte comes, so that a frame cut
-    /// short is given up; `None` if nothing is held. `now` as for `poll`.
+    /// When to call [`Self::poll`] if no byte comes before, so that a frame that was cut short is
+    /// given up; `None` if no bytes are held. `now` as for `poll`.
     #[must_use]
     pub fn poll_timeout(&self, now: Cycles) -> Option<Cycles> {
         let newest = self.newest()?.extend(now.plus(AHEAD.into()));
-        Some(newest.plus(IDLE.into()))
+        Some(newest.plus(Self::IDLE.into()))
     }
 
     /// When the newest of the held bytes arrived.
@@ -164,18 +163,17 @@ impl Link {
         self.window.stamp(self.window.len().checked_sub(1)?)
     }
 
-    /// Whether bytes are held and none have come for [`IDLE`].
+    /// Whether bytes are held and none have come for [`Self::IDLE`].
     #[inline]
     fn is_idle(&self, now: Cycles) -> bool {
         self.newest().is_some_and(|newest| {
             let since = now.plus(AHEAD.into()).stamp().0.wrapping_sub(newest.0);
-            since >= IDLE + AHEAD
+            since >= Self::IDLE + AHEAD
         })
     }
 
-    /// Decides about what is held, up to the first good frame: its kind, and it
-    /// stands at the front of the window. Where the line is idle, what is
-    /// incomplete has failed.
+    /// Examines what is held, up to the first good frame, which is then at the front of the window:
+    /// its kind. If the line is idle, what is incomplete has failed.
     #[inline(never)]
     fn examine(&mut self, idle: bool) -> Option<Kind> {
         let held = self.window.held();
@@ -234,7 +232,7 @@ impl Link {
         event
     }
 
-    /// Notes what stands at the front, and how much has to be held to judge it.
+    /// Notes what is at the front, and how many bytes have to be held to check it.
     #[inline]
     fn expect(&mut self, candidate: Option<Kind>) {
         self.candidate = candidate;
@@ -244,11 +242,11 @@ impl Link {
 
 /// Two readings of the running checksum, behind and ahead of the candidate.
 ///
-/// Both move forward only. So the checksums of all candidates together cost a few
-/// instructions a byte, however many headers stand in the noise.
+/// Both only move forward. So the checksums of all candidates together cost a few instructions a
+/// byte, whatever the number of headers in the noise.
 #[derive(Clone, Copy, Debug)]
 struct Sums {
-    /// Before the oldest byte that is not given up.
+    /// Before the oldest byte that is held.
     behind: Fletcher,
     /// After `length` more.
     ahead: Fletcher,
@@ -262,7 +260,7 @@ impl Sums {
         length: 0,
     };
 
-    /// Whether the checksum of `frame` holds, which begins where the sums stand.
+    /// Whether the checksum of `frame` holds, which begins at the front of the window.
     #[inline]
     fn hold(&mut self, kind: Kind, frame: &[u8]) -> bool {
         let Some((stretch, checksum)) = frame.split_last_chunk::<CHECKSUM_LEN>() else {
@@ -278,8 +276,8 @@ impl Sums {
                 self.length = stretch.len();
                 self.ahead.since(self.behind.then_all(sync), summed.len())
             }
-            // The reading ahead may be further ahead than their ends already, but
-            // they are short.
+            // The reading ahead may already be beyond their ends. They are short, so they are
+            // summed again.
             Kind::TimTp | Kind::Ack | Kind::Nak => {
                 let start = Fletcher::START;
                 start.then_all(summed).since(start, summed.len())
@@ -288,7 +286,7 @@ impl Sums {
         sums == *checksum
     }
 
-    /// Goes past the first of `bytes`: those behind it.
+    /// Goes past the first of `bytes`, and returns the rest.
     #[inline]
     fn pass<'a>(&mut self, bytes: &'a [u8]) -> &'a [u8] {
         let Some((first, rest)) = bytes.split_first() else {
@@ -306,8 +304,8 @@ fn count(counter: &mut u32, more: usize) {
     *counter = counter.wrapping_add(more as u32);
 }
 
-/// What is left of `bytes` from the first header of ours on, and its kind, or from
-/// the first bytes on that may become one. The sums go with it.
+/// The rest of `bytes` from the first header of ours on, and its kind; or from the first bytes on
+/// that may become one. The sums move along.
 #[inline(never)]
 fn search<'a>(
     bytes: &'a [u8],

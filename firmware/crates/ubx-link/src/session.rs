@@ -1,30 +1,27 @@
-//! The configuration session: what leaves for the receiver, when, and at which rate.
+//! The configuration session: what is sent to the receiver, when, and at which rate.
 //!
-//! *Purpose.* To bring a receiver, whatever it was left at, to our rate and
-//! NAV-PVT alone, and back to it when it has restarted; with TIM-TP beside it while
-//! somebody wants forecasts of the pulse.
+//! *Purpose.* A receiver with any settings is brought to our rate and NAV-PVT alone, and again
+//! after it has restarted; with TIM-TP beside it while forecasts of the pulse are wanted.
 //!
-//! *Design.* A state machine without I/O. [`Session::poll`] says what to do next;
-//! the wiring does it and tells the session of everything readable that comes in
-//! ([`Session::handle_event`]) and when the last bit handed out has left
-//! ([`Session::handle_sent`]): before that the session asks for nothing, above all
-//! for no other rate.
+//! *Design.* A state machine without I/O. [`Session::poll`] returns what to do next. The caller does
+//! it, passes on every event of the receiver ([`Session::handle_event`]), and reports when the last
+//! bit has left ([`Session::handle_sent`]): before that the session does nothing, and above all
+//! does not change the rate.
 //!
-//! An *attempt* sends CFG-PRT at one rate, goes to ours, lets the receiver do the same, and
-//! sends the first setting there. CFG-PRT itself is not waited for: its answer comes at a rate that
-//! is not defined. If anything readable comes, the receiver is found, and the other settings
-//! follow, each until it is answered or [`TRIES`] times. Whether TIM-TP is to come is the last of
-//! them and is sent again when the wish changes; a receiver that refuses is not asked again. It
-//! comes on request only, since a burst should begin with NAV-PVT. If nothing comes, the next
-//! attempt takes the next rate of [`BAUDS`]. After a *round* of all of them the session listens for
-//! [`SILENCE`]. While frames arrive, no rate is tried: only silence of [`SILENCE`] begins a new
-//! round.
+//! An *attempt* sends CFG-PRT at one rate, changes to ours, gives the receiver time to do the same,
+//! and sends the first setting there. The answer to CFG-PRT is not waited for, because its rate is
+//! not defined. If any event comes, the receiver is found, and the other settings follow, each
+//! until it is answered or has been sent [`Session::TRIES`] times. Whether TIM-TP is wanted is the
+//! last of them, and is sent again when it changes; a receiver that refuses is not asked again. It
+//! comes on request only, since a burst should begin with NAV-PVT. If no event comes, the next
+//! attempt takes the next rate of [`BAUDS`]. After a *round* of all of them the session waits for
+//! [`Session::SILENCE`]. While events come, no rate is tried: only silence of that length begins a
+//! new round.
 //!
-//! *Limits.* A receiver that does not hear us but talks at our rate is left alone.
-//! More than 100 framing errors in a second make an M8 deaf for the rest of it (it
-//! says so: "More than 100 frame errors, UART RX was disabled"), so
-//! that an attempt at a wrong rate may spoil the next one at the right rate; so
-//! each round begins one rate later than the one before it that found nobody.
+//! *Limits.* A receiver that sends at our rate but does not receive us is left as it is. After more
+//! than 100 framing errors in a second an M8 ignores its line for the rest of it (it reports "More
+//! than 100 frame errors, UART RX was disabled"), so an attempt at a wrong rate may spoil the next
+//! one at the right rate. Therefore a round that follows one without success begins one rate later.
 
 use timebase::Cycles;
 
@@ -40,36 +37,30 @@ const SETTINGS: [Setting; 4] = [
     Setting::Pulse,
 ];
 
-/// How often a setting is sent before the session goes on without its answer.
-pub const TRIES: u8 = 3;
-
-/// How long an answer is waited for. PX4 waits 250 ms (`PX4-GPSDrivers`, `ubx.h`);
+/// How long an answer is waited for, in cycles: 400 ms. PX4 waits 250 ms (`PX4-GPSDrivers`, `ubx.h`);
 /// at the factory's one epoch a second some receivers take longer.
 const ANSWER: u64 = millis(400);
 
-/// From the end of CFG-PRT to the first frame at our rate: the receiver changes
-/// its rate after it has dealt with the frame.
+/// From the end of CFG-PRT to the first frame at our rate, in cycles: 100 ms. The receiver changes its
+/// rate after it has processed the frame.
 const SETTLE: u64 = millis(100);
-
-/// How long nothing readable may come before the receiver counts as lost.
-pub const SILENCE: u64 = millis(3_000);
 
 const fn millis(ms: u64) -> u64 {
     Cycles::from_micros(ms * 1_000).0
 }
 
-/// What the wiring has to do.
+/// What the caller has to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action<'a> {
-    /// Set the UART to so many baud, both ways, at once: everything handed out
-    /// before has left.
+    /// Set the UART to this rate, in baud, in both directions and at once: everything before has
+    /// left.
     SetBaud(u32),
     /// Send these bytes, and call [`Session::handle_sent`] when the last of them
     /// has left the wire.
     Transmit(&'a [u8]),
 }
 
-/// What has happened to the configuration so far. Each wraps.
+/// What has happened so far. All wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SessionCounters {
     /// Rounds begun: 1 after a boot that goes well.
@@ -80,29 +71,29 @@ pub struct SessionCounters {
     pub accepted: u32,
     /// Settings refused by the receiver.
     pub refused: u32,
-    /// Times that no answer came to a setting once the receiver had been found.
+    /// Settings that were not answered, after the receiver had been found.
     pub unanswered: u32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
-    /// An attempt begins: to its rate.
-    Tune,
-    /// CFG-PRT goes out.
-    Knock,
+    /// An attempt begins: the UART gets its rate.
+    SetOtherRate,
+    /// CFG-PRT is to be sent.
+    SendPort,
     /// CFG-PRT is leaving.
-    Knocking,
-    /// Back to our rate.
-    Return,
+    SendingPort,
+    /// The UART gets our rate again.
+    SetOwnRate,
     /// The receiver changes its rate.
     Settling { until: Cycles },
-    /// A setting goes out.
-    Send,
+    /// A setting is to be sent.
+    SendSetting,
     /// A setting is leaving.
-    Sending,
-    /// A setting's answer is due.
+    SendingSetting,
+    /// The setting's answer is awaited.
     Waiting { until: Cycles },
-    /// Nothing is to be done unless nothing comes before `until`.
+    /// Nothing is to be done, unless no event comes before `until`.
     Listening { until: Cycles },
 }
 
@@ -110,23 +101,24 @@ enum State {
 #[derive(Clone, Debug)]
 pub struct Session {
     state: State,
-    /// The rate on both ends of the line.
-    ours: u32,
-    /// What the UART is set to.
+    /// The rate that both ends of the line are to have, in baud.
+    own_baud: u32,
+    /// The present rate of the UART, in baud.
     baud: u32,
     /// Which of [`BAUDS`] the attempt is for, with our rate in the place of [`BAUD`].
     rate: usize,
     /// Attempts of this round, this one included.
     attempts: usize,
-    /// Which of [`SETTINGS`], or the one behind them, is at hand, and how often it has
-    /// been sent.
+    /// The present one of [`SETTINGS`]; behind them is [`Setting::Forecasts`].
     setting: usize,
+    /// How often the present setting has been sent.
     tries: u8,
-    /// Whether forecasts are wanted, and whether the receiver was told so last.
+    /// Whether forecasts are wanted.
     wants_forecasts: bool,
-    told_forecasts: bool,
-    /// When something readable last came in this round.
-    heard: Option<Cycles>,
+    /// What was last sent about forecasts.
+    sent_forecasts: bool,
+    /// When the last event of this round came.
+    last_event: Option<Cycles>,
     buffer: [u8; LONGEST],
     counters: SessionCounters,
 }
@@ -138,6 +130,12 @@ impl Default for Session {
 }
 
 impl Session {
+    /// How often a setting is sent before the session goes on without its answer.
+    pub const TRIES: u8 = 3;
+
+    /// How long no event may come before the receiver counts as lost, in cycles: 3 s.
+    pub const SILENCE: u64 = millis(3_000);
+
     /// A session for [`BAUD`] that begins its first round at once, on a UART at that rate.
     #[must_use]
     pub const fn new() -> Self {
@@ -146,18 +144,18 @@ impl Session {
 
     /// The same for another of [`BAUDS`].
     #[must_use]
-    pub const fn at(ours: u32) -> Self {
+    pub const fn at(own_baud: u32) -> Self {
         Self {
-            state: State::Tune,
-            ours,
-            baud: ours,
+            state: State::SetOtherRate,
+            own_baud,
+            baud: own_baud,
             rate: 0,
             attempts: 1,
             setting: 0,
             tries: 0,
             wants_forecasts: false,
-            told_forecasts: false,
-            heard: None,
+            sent_forecasts: false,
+            last_event: None,
             buffer: [0; LONGEST],
             counters: SessionCounters {
                 rounds: 1,
@@ -179,65 +177,63 @@ impl Session {
     /// been answered or given up.
     #[must_use]
     pub const fn is_done(&self) -> bool {
-        matches!(self.state, State::Listening { .. }) && self.heard.is_some()
+        matches!(self.state, State::Listening { .. }) && self.last_event.is_some()
     }
 
-    /// Says whether TIM-TP is wanted: while pulses come. Call [`Session::poll`]
-    /// afterwards.
-    pub const fn want_forecasts(&mut self, wanted: bool) {
+    /// Whether TIM-TP is wanted, which it is while pulses come. Call [`Self::poll`] afterwards.
+    pub const fn handle_forecasts_wanted(&mut self, wanted: bool) {
         self.wants_forecasts = wanted;
     }
 
-    /// What to do now, one thing a call: call until it is `None`, after each
-    /// `handle_…` and when [`Session::poll_timeout`] has come.
+    /// What to do now, one thing a call. Call until it is `None`, after each `handle_…` and at
+    /// [`Self::poll_timeout`].
     pub fn poll(&mut self, now: Cycles) -> Option<Action<'_>> {
         loop {
             match self.state {
-                State::Tune => {
-                    self.state = State::Knock;
-                    if let Some(action) = self.tune(self.rate()) {
+                State::SetOtherRate => {
+                    self.state = State::SendPort;
+                    if let Some(action) = self.set_baud(self.rate()) {
                         return Some(action);
                     }
                 }
-                State::Knock => {
-                    self.state = State::Knocking;
+                State::SendPort => {
+                    self.state = State::SendingPort;
                     count(&mut self.counters.attempts);
                     return Some(self.transmit(Setting::Port));
                 }
-                State::Return => {
+                State::SetOwnRate => {
                     let until = now.plus(SETTLE);
                     self.state = State::Settling { until };
-                    if let Some(action) = self.tune(self.ours) {
+                    if let Some(action) = self.set_baud(self.own_baud) {
                         return Some(action);
                     }
                 }
-                State::Send => {
+                State::SendSetting => {
                     let Some(setting) = self.setting() else {
-                        let until = self.heard.unwrap_or(now).plus(SILENCE);
+                        let until = self.last_event.unwrap_or(now).plus(Self::SILENCE);
                         self.state = State::Listening { until };
                         continue;
                     };
                     if let Setting::Forecasts { on } = setting {
-                        self.told_forecasts = on;
+                        self.sent_forecasts = on;
                     }
-                    self.state = State::Sending;
+                    self.state = State::SendingSetting;
                     self.tries = self.tries.wrapping_add(1);
                     return Some(self.transmit(setting));
                 }
                 State::Settling { until } if now >= until => self.begin_settings(),
                 State::Waiting { until } if now >= until => self.no_answer(now),
                 State::Listening { until } if now >= until => self.begin_round(),
-                State::Listening { .. } if self.has_to_tell_forecasts() => {
+                State::Listening { .. } if self.has_to_send_forecasts() => {
                     (self.setting, self.tries) = (SETTINGS.len(), 0);
-                    self.state = State::Send;
+                    self.state = State::SendSetting;
                 }
                 _ => return None,
             }
         }
     }
 
-    /// When to call [`Session::poll`] again if nothing happens before; `None` while
-    /// bytes are leaving.
+    /// When to call [`Self::poll`] if nothing happens before; `None` while bytes are leaving.
     #[must_use]
     pub const fn poll_timeout(&self) -> Option<Cycles> {
         match self.state {
@@ -251,8 +247,8 @@ impl Session {
     /// The last bit of what [`Action::Transmit`] handed out has left the wire.
     pub fn handle_sent(&mut self, now: Cycles) {
         match self.state {
-            State::Knocking => self.state = State::Return,
-            State::Sending => {
+            State::SendingPort => self.state = State::SetOwnRate,
+            State::SendingSetting => {
                 let until = now.plus(ANSWER);
                 self.state = State::Waiting { until };
             }
@@ -260,14 +256,14 @@ impl Session {
         }
     }
 
-    /// Something readable has come from the receiver: every [`Event`] goes here.
+    /// The receiver has sent this: to be called for every [`Event`].
     pub fn handle_event(&mut self, now: Cycles, event: &Event) {
-        self.heard = Some(now);
+        self.last_event = Some(now);
         match self.state {
-            // Frames arrive: no attempt.
-            State::Tune => self.begin_settings(),
+            // No attempt is needed: its rate is ours.
+            State::SetOtherRate => self.begin_settings(),
             State::Listening { .. } => {
-                let until = now.plus(SILENCE);
+                let until = now.plus(Self::SILENCE);
                 self.state = State::Listening { until };
             }
             State::Waiting { .. } => {
@@ -288,7 +284,7 @@ impl Session {
         }
     }
 
-    /// The setting at hand; `None` behind the last.
+    /// The present setting; `None` behind the last.
     fn setting(&self) -> Option<Setting> {
         let last = Setting::Forecasts {
             on: self.wants_forecasts,
@@ -296,47 +292,47 @@ impl Session {
         SETTINGS.iter().chain([&last]).nth(self.setting).copied()
     }
 
-    const fn has_to_tell_forecasts(&self) -> bool {
-        self.heard.is_some() && self.wants_forecasts != self.told_forecasts
+    const fn has_to_send_forecasts(&self) -> bool {
+        self.last_event.is_some() && self.wants_forecasts != self.sent_forecasts
     }
 
     /// The wait for an answer is over.
     fn no_answer(&mut self, now: Cycles) {
-        if self.heard.is_some() {
+        if self.last_event.is_some() {
             count(&mut self.counters.unanswered);
-            if self.tries < TRIES {
-                self.state = State::Send;
+            if self.tries < Self::TRIES {
+                self.state = State::SendSetting;
             } else {
                 self.next_setting();
             }
         } else if self.attempts < BAUDS.len() {
             self.attempts = self.attempts.wrapping_add(1);
             self.next_rate();
-            self.state = State::Tune;
+            self.state = State::SetOtherRate;
         } else {
-            let until = now.plus(SILENCE);
+            let until = now.plus(Self::SILENCE);
             self.state = State::Listening { until };
         }
     }
 
     fn begin_round(&mut self) {
         count(&mut self.counters.rounds);
-        if self.heard.take().is_some() {
+        if self.last_event.take().is_some() {
             self.rate = 0;
         } else {
-            // Past the last of the round before, and past its first.
+            // Beyond the last rate of the round before, and beyond its first.
             self.next_rate();
             self.next_rate();
         }
         self.attempts = 1;
-        self.state = State::Tune;
+        self.state = State::SetOtherRate;
     }
 
-    /// The rate that the attempt is for: ours has changed places with [`BAUD`].
+    /// The rate that the attempt is for, in baud: our rate and [`BAUD`] change places.
     fn rate(&self) -> u32 {
         match BAUDS.get(self.rate).copied().unwrap_or(BAUD) {
-            BAUD => self.ours,
-            ours if ours == self.ours => BAUD,
+            BAUD => self.own_baud,
+            own if own == self.own_baud => BAUD,
             other => other,
         }
     }
@@ -348,22 +344,22 @@ impl Session {
 
     const fn begin_settings(&mut self) {
         (self.setting, self.tries) = (0, 0);
-        self.state = State::Send;
+        self.state = State::SendSetting;
     }
 
     const fn next_setting(&mut self) {
         (self.setting, self.tries) = (self.setting.wrapping_add(1), 0);
-        self.state = State::Send;
+        self.state = State::SendSetting;
     }
 
-    fn tune(&mut self, baud: u32) -> Option<Action<'static>> {
+    fn set_baud(&mut self, baud: u32) -> Option<Action<'static>> {
         let other = self.baud != baud;
         self.baud = baud;
         other.then_some(Action::SetBaud(baud))
     }
 
     fn transmit(&mut self, setting: Setting) -> Action<'_> {
-        let length = setting.write(self.ours, &mut self.buffer);
+        let length = setting.write(self.own_baud, &mut self.buffer);
         Action::Transmit(self.buffer.get(..length).unwrap_or_default())
     }
 }

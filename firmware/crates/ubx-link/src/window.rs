@@ -1,16 +1,14 @@
-//! The bytes that are not decided yet, with their stamps.
+//! The bytes of the line that may still be part of a frame, with their stamps.
 //!
-//! *Purpose.* To hold bytes back until every offset in them has been tried.
+//! *Design.* They are in one piece, so that a frame is parsed in place. They move
+//! to the front when new bytes would not fit behind them.
 //!
-//! *Design.* They lie in one piece, so that a frame is read where it lies. They
-//! move to the front when what comes would no longer fit behind them.
-//!
-//! *Limits.* It takes what there is room for. There is room as long as less than
-//! a longest frame is held.
+//! *Limits.* It takes only what it has room for. It has room as long as it holds
+//! less than a longest frame.
 
 use timebase::{Stamp, StampedByte};
 
-/// So many bytes are held at most.
+/// The most bytes that are held.
 pub(crate) const CAPACITY: usize = 512;
 
 /// Bytes of the line; see the [module](self).
@@ -50,8 +48,8 @@ impl Window {
         self.stamps.get(self.start.wrapping_add(index)).copied()
     }
 
-    /// Takes the first of `bytes`, as many as there is room for: at least
-    /// `CAPACITY` less what is held. How many.
+    /// Takes the first of `bytes`, as many as it has room for, and returns how many: at least
+    /// `CAPACITY` less what is held.
     #[inline]
     pub(crate) fn fill(&mut self, bytes: &[StampedByte]) -> usize {
         if self.end.saturating_add(bytes.len()) > CAPACITY {
@@ -73,7 +71,7 @@ impl Window {
         taken
     }
 
-    /// Gives up the `length` oldest bytes, at most all.
+    /// Removes the `length` oldest bytes, or all.
     #[inline]
     pub(crate) fn give_up(&mut self, length: usize) {
         self.start = self.start.wrapping_add(length);
@@ -91,7 +89,7 @@ impl Window {
 }
 
 /// Moves `start..end` of `items` to their front, in strides that do not overlap:
-/// `copy_within` would bring 1.4 KB of code that nobody else needs.
+/// `copy_within` would add 1.4 KB of code to the image.
 fn move_to_front<T: Copy>(items: &mut [T], start: usize, end: usize) {
     let stride = start.max(1);
     let Some(held) = items.get_mut(..end) else {
@@ -139,7 +137,7 @@ mod tests {
             window.give_up(gone);
             oldest += gone as u32;
             assert_eq!(window.len(), left);
-            // What is left is still what came, stamp and byte.
+            // The rest is still what came, stamp and byte.
             for (index, byte) in window.held().iter().enumerate() {
                 let expected = oldest + index as u32;
                 assert_eq!(window.stamp(index), Some(Stamp(expected)));

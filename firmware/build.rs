@@ -26,7 +26,7 @@ fn main() {
         Variant::NAMES,
         "",
     );
-    let variant = Variant::named(&name).expect("it is one of the names");
+    let variant = Variant::named(name).expect("it is one of the names");
     let with_variant = format!(" with PIXCLOCK_VARIANT={name}");
     let tick_us = choice(
         "PIXCLOCK_TICK_US",

@@ -1,7 +1,7 @@
 //! Two functions for the bench to watch: readings of the clock, not inlined.
 //!
-//! *Design.* The image with the feature `bench` is the one that is flashed, and
-//! beside it this task, on the patient executor; nothing else in it knows of the bench.
+//! *Design.* The image with the feature `bench` is the one that is flashed plus this task, on the low
+//! executor; nothing else in it knows of the bench.
 
 use core::hint::black_box;
 
@@ -9,8 +9,8 @@ use embassy_time::{Duration, Ticker};
 use timebase::Cycles;
 use utc_clock::UtcNanos;
 
+use crate::clock::CLOCK;
 use crate::drivers::time;
-use crate::shared::CLOCK;
 
 /// Reads the clock both ways, a hundred times a second.
 #[embassy_executor::task]
@@ -30,7 +30,7 @@ fn bench_cycles_now() -> Cycles {
     time::now()
 }
 
-/// UTC in ns.
+/// UTC. [ns]
 #[unsafe(no_mangle)]
 #[inline(never)]
 fn bench_utc_now() -> UtcNanos {

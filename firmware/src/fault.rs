@@ -1,32 +1,30 @@
-//! The end of a run: the reason into the log, then a blinking LED for ever.
+//! The end of a run: the reason in the log, then a flashing LED forever.
 //!
-//! *Design.* Nothing of the running system is used: interrupts are off, the LED is
-//! driven by its registers, time is counted in instructions.
+//! *Design.* Nothing of the running system is used: interrupts are off, the LED is set by its
+//! registers, time is counted in instructions.
 //!
-//! *Limits.* The reason is in the log's ring; a probe reads it there.
+//! *Limits.* The reason is in the log's buffer, where a probe reads it.
 
 use core::panic::PanicInfo;
 
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
-use stm32f4xx_hal::pac::{GPIOE, RCC};
 use timebase::CORE_HZ;
 
-/// The amber LED, PE12.
-const LED: u32 = 1 << 12;
+use crate::drivers::led;
 
 #[panic_handler]
 fn panic(info: &PanicInfo) -> ! {
     cortex_m::interrupt::disable();
     defmt::error!("panicked: {}", defmt::Display2Format(info));
-    blink()
+    flash_forever()
 }
 
-/// `defmt::panic!` has logged its reason already.
+/// `defmt::panic!` has logged its reason before it comes here.
 #[defmt::panic_handler]
 fn logged_panic() -> ! {
     cortex_m::interrupt::disable();
-    blink()
+    flash_forever()
 }
 
 #[exception]
@@ -41,21 +39,16 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
         configurable,
         hard
     );
-    blink()
+    flash_forever()
 }
 
 /// Ten flashes a second.
-fn blink() -> ! {
+fn flash_forever() -> ! {
     defmt::flush();
-    // SAFETY: nothing else runs any more, so the registers are ours; the pin is
-    // made an output because a fault may come before the board is up.
-    unsafe {
-        (*RCC::ptr()).ahb1enr().modify(|_, w| w.gpioeen().enabled());
-        let gpioe = &*GPIOE::ptr();
-        gpioe.moder().modify(|_, w| w.moder12().output());
-        loop {
-            gpioe.odr().modify(|r, w| w.bits(r.bits() ^ LED));
-            cortex_m::asm::delay(CORE_HZ / 20);
-        }
+    // SAFETY: interrupts are off, and this code never returns.
+    let mut change_led = unsafe { led::seize() };
+    loop {
+        change_led();
+        cortex_m::asm::delay(CORE_HZ / 20);
     }
 }

@@ -1,13 +1,14 @@
 //! pixclock on the board: wiring only.
 //!
-//! The way of the data, from module to module:
+//! The data flow, from module to module:
 //!
 //! ```text
-//! board::lines (interrupts, stamps) ─▶ tasks::gnss ─▶ shared::CLOCK ─▶ tasks::mavlink
-//! drivers::time (SysTick) ─────────────── every stamp and every reading ─┘
+//! lines (interrupts, stamps) ─▶ tasks::gnss ─▶ clock::CLOCK ─▶ tasks::mavlink
+//! drivers::time (SysTick) ──────── every stamp and every reading ─┘
 //! ```
 //!
-//! On the host this package is a stub, so that a call over the whole workspace
+//! Below the tasks stand the lines and drivers, below these the board's constants; `bring_up`
+//! knows them all. On the host this package is a stub, so that a cargo call over the whole workspace
 //! passes there too.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
@@ -16,19 +17,33 @@ mod bench;
 #[cfg(target_os = "none")]
 mod board;
 #[cfg(target_os = "none")]
+mod bring_up;
+#[cfg(target_os = "none")]
+mod clock;
+#[cfg(target_os = "none")]
+mod clock_events;
+#[cfg(target_os = "none")]
 mod drivers;
+#[cfg(target_os = "none")]
+mod executors;
 #[cfg(target_os = "none")]
 mod fault;
 #[cfg(target_os = "none")]
-mod holdings;
+mod latest;
+#[cfg(target_os = "none")]
+mod lines;
+#[cfg(target_os = "none")]
+mod not_saved;
 #[cfg(target_os = "none")]
 mod priorities;
+#[cfg(target_os = "none")]
+mod reports;
+#[cfg(target_os = "none")]
+mod sample_memory;
 #[cfg(target_os = "none")]
 mod samples;
 #[cfg(target_os = "none")]
 mod settings;
-#[cfg(target_os = "none")]
-mod shared;
 #[cfg(target_os = "none")]
 mod start;
 #[cfg(target_os = "none")]
@@ -37,6 +52,8 @@ mod storage;
 mod system_id;
 #[cfg(target_os = "none")]
 mod tasks;
+#[cfg(target_os = "none")]
+mod thread;
 
 #[cfg(not(target_os = "none"))]
 fn main() {

@@ -1,19 +1,18 @@
 //! Who interrupts whom: the one table of priorities.
 //!
-//! *Design.* The tick stands above everything (Shim, Joo, Kim 2021, step II: the
-//! NVIC priority of SysTick at 0). Below it the serial lines, which stamp and
-//! store and wake nobody; then the alarm, which wakes tasks, and beside it the pulse,
-//! whose stamp is the hardware's and can wait 774 µs; then the executor
-//! of what must be prompt, and last that of what may take its time. Thread level
-//! sleeps, so that an interrupt which wakes nobody goes back to sleep at once.
+//! *Design.* The tick stands above everything (Shim, Joo, Kim 2021, step II: the NVIC priority of
+//! SysTick at 0). Below it stand the serial lines, which stamp and store and wake no task; then the
+//! alarm, which wakes tasks, and beside it the pulse, whose stamp is the hardware's and can wait
+//! 774 µs; then the executor of what must be prompt, and last that of what may take its time. Thread
+//! level sleeps, so that after an interrupt which wakes no task the core sleeps again at once.
 //!
-//! In the paper's variants all interrupts have NuttX's one priority, so that none preempts another;
-//! but for SysTick in step II. The executors stand below: on NuttX tasks run at thread level,
-//! where every interrupt preempts them.
+//! In the paper's variants all interrupts have the one priority of NuttX, so that none preempts
+//! another, except SysTick in step II. The executors stand below them: on NuttX tasks run at thread
+//! level, where every interrupt preempts them.
 //!
-//! *Limits.* The STM32F427 has the upper four bits of each priority. Nothing that
-//! reads the clock may stand above the tick (`timebase::tick`). NuttX masks interrupts by
-//! `BASEPRI`, which spares step II's SysTick; here they are masked altogether, for less than a tick.
+//! *Limits.* The STM32F427 has the upper four bits of each priority. No code above the tick may read
+//! the clock (`timebase::tick`). NuttX masks interrupts by `BASEPRI`, which leaves step II's SysTick
+//! enabled; here all are masked, for less than a tick.
 
 use variant::Variant;
 
@@ -23,21 +22,21 @@ use crate::settings::VARIANT;
 /// `NVIC_SYSH_PRIORITY_DEFAULT`).
 const NUTTX: u8 = 0x80;
 
-/// SysTick: counts time.
+/// SysTick, which counts time.
 pub const TICK: u8 = match VARIANT {
     Variant::Pixclock { .. } | Variant::PaperStep2 { .. } => 0x00,
     Variant::PaperDefault | Variant::PaperStep1 => NUTTX,
 };
-/// UART4 and USART2: stamp and store bytes.
+/// UART4 and USART2, which stamp and store bytes.
 pub const SERIAL: u8 = ours_or(0x10, NUTTX);
-/// PendSV: due timers, and tasks whose ring has bytes.
+/// PendSV, which wakes tasks for due timers and for bytes in their ring.
 pub const ALARM: u8 = ours_or(0x20, NUTTX);
-/// TIM4: names the round of a captured edge, and wakes its task. Not above the alarm,
-/// which turns it on.
+/// TIM4, which finds the round of a captured edge and wakes its task. Not above the alarm, which
+/// enables it.
 pub const PULSE: u8 = ALARM;
 /// The executor of the GNSS and MAVLink tasks.
 pub const EXECUTOR_HIGH: u8 = ours_or(0x30, NUTTX + 0x10);
-/// The executor of the status line and the LED, and of all that may block.
+/// The executor of the status line and the LED.
 pub const EXECUTOR_LOW: u8 = ours_or(0x40, NUTTX + 0x20);
 
 /// The priority of our variant, or that of the paper's.

@@ -1,8 +1,11 @@
-//! The sample log, between those who fill it and those who read it.
+//! The log of a test, between the code that fills it and the code that reads it.
 //!
-//! *Design.* The MAVLink task records, freezes and clears; the card is written at thread level, and
-//! a log over MAVLink by the MAVLink task. Each touches it under a critical section, for one record at
-//! a time. A frozen log does not change, so that a file may be made of it piece by piece.
+//! | queue | filled by | drained by | when full |
+//! |---|---|---|---|
+//! | [`SAMPLES`] | the MAVLink task, one sample for each PING that it answered | read over MAVLink by the MAVLink task, or to the card by thread level, until the next test begins | the newest sample is dropped and counted |
+//!
+//! *Design.* Everyone touches the log under a critical section, for one record at a time. A frozen log
+//! does not change, so that its file can be made in pieces.
 
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -11,9 +14,9 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use sample_log::{Sample, SampleLog, Test, csv};
 
-use crate::board;
+use crate::thread;
 
-/// Somebody wants the log on the card.
+/// The log is to be written to the card.
 static SAVE_WANTED: AtomicBool = AtomicBool::new(false);
 
 /// Whether the log is to be written to the card.
@@ -29,11 +32,11 @@ pub fn begin_save() {
 /// The board's log.
 pub static SAMPLES: Samples = Samples(Mutex::new(Cell::new(None)));
 
-/// A log that several may use.
+/// A log that code of every priority may use.
 pub struct Samples(Mutex<CriticalSectionRawMutex, Cell<Option<SampleLog<'static>>>>);
 
 impl Samples {
-    /// Brings the memory. Before that the log has no room.
+    /// Gives the log its memory. It has no room before.
     pub fn open(&self, log: SampleLog<'static>) {
         self.0.lock(|cell| cell.set(Some(log)));
     }
@@ -50,12 +53,12 @@ impl Samples {
         })
     }
 
-    /// Samples in it.
+    /// Samples in the log.
     pub fn len(&self) -> u32 {
         self.with(|log| log.len())
     }
 
-    /// Makes a stretch of its file, see [`csv::read`].
+    /// Makes a piece of the log's file, see [`csv::read`].
     pub fn read(&self, offset: u32, out: &mut [u8]) -> usize {
         csv::read(offset, out, self.len(), |index| self.get(index))
     }
@@ -65,7 +68,7 @@ impl Samples {
         self.with(|log| log.handle_test(test));
         if test == Test::Ends {
             SAVE_WANTED.store(true, Relaxed);
-            board::wake_thread();
+            thread::wake();
         }
     }
 

@@ -1,4 +1,4 @@
-//! The start: board, executors, tasks; and the two interrupts that run them.
+//! The start: board, executors, tasks; and the alarm.
 
 use cortex_m::peripheral::scb::SystemHandler;
 use cortex_m::peripheral::{NVIC, SCB};
@@ -7,61 +7,55 @@ use cortex_m_rt::exception;
 use defmt_rtt as _;
 #[cfg(feature = "qemu")]
 use defmt_semihosting as _;
-use embassy_executor::{InterruptExecutor, SendSpawner, SpawnError, SpawnToken};
-use stm32f4xx_hal::pac::{Interrupt, interrupt};
+use stm32f4xx_hal::pac::Interrupt;
 
-use crate::board::{self, Board};
+use crate::bring_up::{self, Hardware};
 use crate::drivers::{pulse, time};
+use crate::executors::{self, spawn};
 use crate::samples::SAMPLES;
-use crate::settings;
-use crate::storage;
+use crate::settings::VARIANT;
 use crate::system_id::system_id;
 use crate::tasks::{gnss, led, mavlink, paper, status};
-
-/// Runs what must be prompt, at [`priorities::EXECUTOR_HIGH`](crate::priorities::EXECUTOR_HIGH).
-static EXECUTOR_HIGH: InterruptExecutor = InterruptExecutor::new();
-/// Runs what may take its time, at [`priorities::EXECUTOR_LOW`](crate::priorities::EXECUTOR_LOW).
-static EXECUTOR_LOW: InterruptExecutor = InterruptExecutor::new();
+use crate::{board, lines, storage};
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    let Board {
-        gnss: (gnss_reader, gnss_writer),
-        mavlink: (mavlink_reader, mavlink_writer),
+    let Hardware {
+        lines,
         pulse,
         samples,
         card,
         led,
-    } = board::init();
+    } = bring_up::bring_up();
     SAMPLES.open(samples);
-    tell_what_runs();
-    let prompt = EXECUTOR_HIGH.start(board::EXECUTOR_HIGH);
-    if settings::VARIANT.is_papers() {
-        spawn(&prompt, paper::run(gnss_reader, gnss_writer));
+    log_identity();
+    let high = executors::start_high();
+    if VARIANT.is_papers() {
+        spawn(&high, paper::run(lines.gnss));
     } else {
-        spawn(&prompt, gnss::run(gnss_reader, gnss_writer, pulse));
+        spawn(&high, gnss::run(lines.gnss, pulse));
     }
-    spawn(&prompt, mavlink::run(mavlink_reader, mavlink_writer));
-    let patient = EXECUTOR_LOW.start(board::EXECUTOR_LOW);
-    spawn(&patient, led::run(led));
-    spawn(&patient, status::run());
+    spawn(&high, mavlink::run(lines.mavlink));
+    let low = executors::start_low();
+    spawn(&low, led::run(led));
+    spawn(&low, status::run());
     #[cfg(feature = "bench")]
-    spawn(&patient, crate::bench::run());
+    spawn(&low, crate::bench::run());
     storage::run(card)
 }
 
-/// The log's first lines: what this image is. In the paper's variants also who interrupts whom, as it
-/// stands in the registers: it is what they are about.
-fn tell_what_runs() {
+/// The log's first lines: what this image is. In the paper's variants, which are about priorities, also
+/// these, as they stand in the registers.
+fn log_identity() {
     defmt::info!(
         "pixclock {=str} on {=str}, variant {}, tick {=u32} us, system {=u8}",
         env!("CARGO_PKG_VERSION"),
         board::NAME,
-        settings::VARIANT,
-        settings::VARIANT.tick_us(),
+        VARIANT,
+        VARIANT.tick_us(),
         system_id()
     );
-    if settings::VARIANT.is_papers() {
+    if VARIANT.is_papers() {
         defmt::info!(
             "priorities: SysTick {=u8:#04x}, PendSV {=u8:#04x}, UART4 {=u8:#04x}, USART2 {=u8:#04x}, TIM4 {=u8:#04x}, tasks {=u8:#04x} and {=u8:#04x}",
             SCB::get_priority(SystemHandler::SysTick),
@@ -69,39 +63,16 @@ fn tell_what_runs() {
             NVIC::get_priority(Interrupt::UART4),
             NVIC::get_priority(Interrupt::USART2),
             NVIC::get_priority(Interrupt::TIM4),
-            NVIC::get_priority(board::EXECUTOR_HIGH),
-            NVIC::get_priority(board::EXECUTOR_LOW)
+            NVIC::get_priority(executors::HIGH_INTERRUPT),
+            NVIC::get_priority(executors::LOW_INTERRUPT)
         );
     }
-}
-
-/// Hands a task to its executor.
-#[inline(always)]
-fn spawn<S: Send>(executor: &SendSpawner, task: Result<SpawnToken<S>, SpawnError>) {
-    match task {
-        Ok(task) => executor.spawn(task),
-        Err(_) => defmt::panic!("a task was started twice"),
-    }
-}
-
-/// The executor of the GNSS and MAVLink tasks; see [`board::EXECUTOR_HIGH`].
-#[interrupt]
-fn DCMI() {
-    // SAFETY: this is its one handler, and it is enabled by `start`.
-    unsafe { EXECUTOR_HIGH.on_interrupt() }
-}
-
-/// The executor of the LED and the status line; see [`board::EXECUTOR_LOW`].
-#[interrupt]
-fn CAN2_TX() {
-    // SAFETY: this is its one handler, and it is enabled by `start`.
-    unsafe { EXECUTOR_LOW.on_interrupt() }
 }
 
 /// The alarm: at least once a ms, and when a timer is due.
 #[exception]
 fn PendSV() {
-    board::wake_readers();
-    pulse::listen();
+    lines::wake_readers();
+    pulse::enable();
     time::on_alarm();
 }

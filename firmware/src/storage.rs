@@ -6,66 +6,33 @@
 
 use card_file::{BLOCK, Disk, DiskError};
 use sample_log::csv;
-use timebase::CORE_HZ;
-use utc_clock::{ClockState, calendar};
+use timebase::{CivilTime, ClockState, Cycles};
+use utc_clock::calendar;
 
+use crate::clock_events::{self, ClockEvent};
 use crate::drivers::card::{Card, CardError};
 use crate::drivers::sdio::BusError;
 use crate::drivers::time;
-use crate::samples::SAMPLES;
-use crate::shared::{CARD, CLOCK, CLOCK_EVENTS, ClockEvent};
-use crate::{board, samples};
+use crate::not_saved::NotSaved;
+use crate::reports::CARD;
+use crate::samples::{self, SAMPLES};
+use crate::{clock, thread};
 
-/// Why a log is not on the card.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
-pub enum NotSaved {
-    /// This board has no slot for one.
-    NoSlot,
-    /// There is no card in it.
-    NoCard,
-    /// It has no FAT16 or FAT32 volume in its first partition, or a damaged one.
-    NotFat,
-    /// It is write-protected.
-    WriteProtected,
-    /// It has no room, or no number, for the file.
-    Full,
-    /// It has been pulled, or another one has been put in.
-    Pulled,
-    /// It fails.
-    Failed,
-    /// A new test has begun meanwhile: the log is that test's.
-    Cleared,
-}
-
-impl From<card_file::NotSaved> for NotSaved {
-    fn from(why: card_file::NotSaved) -> Self {
-        use card_file::NotSaved as Why;
-        match why {
-            Why::NotFat => Self::NotFat,
-            Why::WriteProtected => Self::WriteProtected,
-            Why::Full => Self::Full,
-            Why::Gone => Self::Pulled,
-            Why::Failed => Self::Failed,
-            Why::Short => Self::Cleared,
-        }
-    }
-}
-
-/// Runs for ever.
+/// Runs forever.
 pub fn run(mut slot: Option<Card>) -> ! {
     loop {
-        board::sleep_until(samples::is_save_wanted);
+        thread::sleep_until(samples::is_save_wanted);
         samples::begin_save();
         let began = time::now();
         let saved = slot.as_mut().map_or(Err(NotSaved::NoSlot), save);
-        let took_us = time::now().since(began) / i64::from(CORE_HZ / 1_000_000);
+        let took_us = Cycles(time::now().0.wrapping_sub(began.0)).as_micros();
         if let Some(card) = &slot {
-            CARD.tell(card.errors());
+            CARD.set(card.errors());
         }
-        let news = match saved {
+        let event = match saved {
             Ok((file, samples)) => {
                 defmt::info!(
-                    "the log is saved: file {=u16}, samples {=u32}, took {=i64} us",
+                    "the log is saved: file {=u16}, samples {=u32}, took {=u64} us",
                     file,
                     samples,
                     took_us
@@ -73,12 +40,11 @@ pub fn run(mut slot: Option<Card>) -> ! {
                 ClockEvent::Saved { file, samples }
             }
             Err(why) => {
-                defmt::warn!("the log is not saved: {}, took {=i64} us", why, took_us);
+                defmt::warn!("the log is not saved: {}, took {=u64} us", why, took_us);
                 ClockEvent::NotSaved(why)
             }
         };
-        // A full queue means that nobody listens; the log has it.
-        let _ = CLOCK_EVENTS.try_send(news);
+        clock_events::push(event);
     }
 }
 
@@ -109,8 +75,8 @@ fn read_frozen(offset: u32, out: &mut [u8]) -> usize {
     }
 }
 
-fn utc() -> Option<timebase::CivilTime> {
-    let reading = CLOCK.reading_at(time::now());
+fn utc() -> Option<CivilTime> {
+    let reading = clock::reading_at(time::now());
     match reading.state {
         ClockState::Unset => None,
         ClockState::Set | ClockState::Holdover => calendar::from_utc(reading.utc),

@@ -1,7 +1,7 @@
 //! The Pixhawk 1 (FMUv2, FMUv3): STM32F427VI with a 24 MHz crystal.
 //!
-//! *Limits.* 168 MHz, not the 180 that the chip can: USB and SDIO need 48 MHz, and
-//! a whole number of cycles makes a µs.
+//! *Limits.* 168 MHz, not the 180 that the chip allows: USB and SDIO need 48 MHz, and a µs has to be
+//! a whole number of cycles.
 
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::{Config, Rcc};
@@ -12,15 +12,18 @@ pub const NAME: &str = "pixhawk1";
 /// Whether there is a slot for an SD card.
 pub const HAS_CARD_SLOT: bool = true;
 
-/// TIM5 counts the timer clock of APB1 as it is,
+/// PSC of the witness, TIM5: 0, so that it counts every cycle of APB1's timer clock, 84 MHz.
 pub const WITNESS_PRESCALER: u16 = 0;
-/// which is half the core's (RM0090, section 6.2): core cycles a count.
+
+/// Core cycles for each count of the witness: the core's clock is 168 MHz (RM0090, section 6.2).
 pub const WITNESS_RATIO: u32 = 2;
 
-/// How often HSERDY is looked at before the crystal is given up. It starts within
-/// 2 ms (DS9484, HSE oscillator characteristics); a look at 16 MHz takes at least
-/// 0.2 µs, so this is 20 ms or more.
-const CRYSTAL_LOOKS: u32 = 100_000;
+/// Samples that fit into the CCM, and into the upper 64 KB of SRAM.
+pub const SAMPLE_ROOM: (usize, usize) = (4_096, 4_096);
+
+/// How often HSERDY is read before the crystal is given up. It starts within 2 ms (DS9484, HSE
+/// oscillator characteristics). A read at 16 MHz takes at least 0.2 µs, so this is 20 ms or more.
+const CRYSTAL_READS: u32 = 100_000;
 
 /// Reads the witness and the down-counter, a few cycles apart.
 #[inline(always)]
@@ -28,12 +31,13 @@ pub fn read_pair(witness: impl Fn() -> u32, down_count: impl Fn() -> u32) -> (u3
     (witness(), down_count())
 }
 
-/// HSE 24 MHz, PLL to 168 MHz; APB1 42 MHz, APB2 84 MHz, USB 48 MHz
-/// (PX4 `boards/px4/fmu-v2`, `board.h`). Stops with its reason in the log when
-/// the crystal does not start: the HAL would wait for ever.
+/// HSE 24 MHz, PLL to 168 MHz; APB1 42 MHz, APB2 84 MHz, USB 48 MHz (PX4 `boards/px4/fmu-v2`,
+/// `board.h`).
+///
+/// Panics with its reason in the log when the crystal does not start: the HAL would wait forever.
 pub fn clocks(rcc: Rcc) -> Rcc {
     rcc.cr().modify(|_, w| w.hseon().on());
-    if !(0..CRYSTAL_LOOKS).any(|_| rcc.cr().read().hserdy().bit_is_set()) {
+    if !(0..CRYSTAL_READS).any(|_| rcc.cr().read().hserdy().bit_is_set()) {
         defmt::panic!("the 24 MHz crystal does not start");
     }
     rcc.freeze(

@@ -1,8 +1,8 @@
 //! QEMU's `netduinoplus2`: an STM32F405 with SysTick at 168 MHz.
 //!
-//! *Limits.* RCC.CR always reads 0, so nothing may wait for an oscillator: the HAL
-//! is told that the chip stays on HSI. Timers count virtual time at 1 GHz. The
-//! host may stop the machine between any two instructions.
+//! *Limits.* RCC.CR always reads 0, so no code may wait for an oscillator: the HAL is told that the
+//! chip stays on HSI. Timers count virtual time at 1 GHz. The host may stop the machine between any
+//! two instructions.
 
 use stm32f4xx_hal::rcc::{Config, Rcc};
 
@@ -12,17 +12,21 @@ pub const NAME: &str = "qemu";
 /// Whether there is a slot for an SD card: QEMU has no model of SDIO.
 pub const HAS_CARD_SLOT: bool = false;
 
-/// TIM5 counts 1 GHz / 125 = 8 MHz,
+/// PSC of the witness, TIM5: 124, so that it counts 1 GHz / 125 = 8 MHz.
 pub const WITNESS_PRESCALER: u16 = 124;
-/// which is 21 core cycles a count.
+
+/// Core cycles for each count of the witness: 168 MHz / 8 MHz.
 pub const WITNESS_RATIO: u32 = 21;
 
-/// Reads the witness and the down-counter within 10 µs of each other, or again
-/// when the host stopped us in between. SysTick stands at 0 while the host is late
-/// with its interrupt, and says nothing then.
+/// Samples that fit into ordinary RAM; the machine has neither of the Pixhawk's other memories.
+pub const SAMPLE_ROOM: (usize, usize) = (1_024, 0);
+
+/// Reads the witness and the down-counter within 10 µs of each other, and again when the host
+/// stopped the machine in between. SysTick stands at 0 while the host is late with its interrupt,
+/// and such a count means nothing.
 #[inline(always)]
 pub fn read_pair(witness: impl Fn() -> u32, down_count: impl Fn() -> u32) -> (u32, u32) {
-    /// 10 µs in counts of 8 MHz: below a quarter of the shortest tick.
+    /// 10 µs in counts of 8 MHz: less than a quarter of the shortest tick.
     const CLOSE: u32 = 80;
     loop {
         let before = witness();

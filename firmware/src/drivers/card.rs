@@ -1,25 +1,28 @@
 //! The memory card: found, and its blocks read and written.
 //!
-//! *Purpose.* [`Card::find`] brings a card up, [`Card::read`] and [`Card::write`] move blocks,
-//! each with a bounded number of attempts.
+//! *Purpose.* [`Card::find`] brings a card up, [`Card::read`] and [`Card::write`] move blocks, each
+//! with a bounded number of attempts.
 //!
-//! *Design.* The start-up of the SD Physical Layer Simplified Specification, 4.2, with a limit
-//! for a card that never becomes ready, for cards of the first version (no answer to CMD8, blocks
-//! addressed by bytes) and of the second. An attempt that failed is repeated on a card that was
-//! found anew, so that nothing is left of it on either side; a card that is another one then is
-//! refused, by its identification. What failed is counted by kind.
+//! *Design.* The start-up of the SD Physical Layer Simplified Specification, 4.2, with a limit for a
+//! card that never becomes ready. It is for cards of the first version (no answer to CMD8, blocks
+//! addressed by bytes) and of the second. After a failed attempt the card is found again before the
+//! next, so that nothing of the failure is left on either side; if it is another card then, by its
+//! identification, it is refused. What failed is counted by kind.
 //!
-//! *Limits.* The slot has no contact that tells a card: an empty one is silent. Write protection
-//! is the card's own (CSD), since the slot's sliding contact is not wired either. All cards take
-//! four lines (4.7.4 asks it of them).
+//! *Limits.* The slot has no contact that detects a card: an empty one is silent. Write protection is
+//! read from the card (CSD), since the slot's sliding contact is not wired either. All cards take
+//! four lines, as 4.7.4 requires.
 
 use super::sdio::{BLOCK, BusError, Sdio, within};
 
 /// Attempts at a block.
 const ATTEMPTS: u32 = 3;
-/// How long a card may take to become ready (4.2.3): 1 s.
+
+/// The longest time for a card to become ready (4.2.3). [µs]
 const READY_US: u32 = 1_000_000;
-/// How long it may be busy with a block that it took: 250 ms, and 500 ms from 32 GB on (4.6.2.2).
+
+/// The longest time for a card to be busy with a block that it took: 250 ms, and 500 ms from 32 GB
+/// on (4.6.2.2). [µs]
 const BUSY_US: u32 = 500_000;
 
 /// Commands (4.7.4).
@@ -39,18 +42,32 @@ mod command {
     pub(super) const APPLICATION: u8 = 55;
 }
 
-/// 2.7 to 3.6 V, and a pattern that the card gives back (4.3.13).
+/// Argument of SEND_IF_COND: 2.7 to 3.6 V, and a pattern that the card returns (4.3.13).
 const IF_COND: u32 = 0x1AA;
-/// 3.2 to 3.4 V, and from a host that knows cards of the second version (4.2.3.1).
+
+/// Argument of SEND_OP_COND: 3.2 to 3.4 V.
 const VOLTAGES: u32 = 0x0030_0000;
+
+/// In that argument: the host knows cards of the second version. In the answer: the card's blocks are
+/// addressed by number (4.2.3.1).
 const HIGH_CAPACITY: u32 = 1 << 30;
+
+/// In the answer to SEND_OP_COND: the card has powered up.
 const IS_READY: u32 = 1 << 31;
+
+/// Argument of SET_BUS_WIDTH.
 const FOUR_LINES: u32 = 0b10;
 
-/// The card's status (4.10.1): what is an error, and a card that waits for a command.
+/// In a card's status (4.10.1): everything that is an error.
 const ERRORS: u32 = 0xFDFF_E008;
+
+/// One of these errors: the block is write-protected.
 const WP_VIOLATION: u32 = 1 << 26;
+
+/// In a card's status: the state of its state machine, and whether its buffer is free.
 const STATE_AND_READY: u32 = 0xF << 9 | 1 << 8;
+
+/// These of a card that waits for a command.
 const WAITS: u32 = 4 << 9 | 1 << 8;
 
 /// Why a block did not come through.
@@ -60,11 +77,11 @@ pub enum CardError {
     Bus(BusError),
     /// The card refused; its status.
     Refused(u32),
-    /// It was busy for too long.
+    /// The card was busy for too long.
     Busy,
-    /// It is write-protected.
+    /// The card is write-protected.
     WriteProtected,
-    /// It is another card than the one that was found first.
+    /// The card is another one than at first.
     Changed,
     /// There is no such block.
     Beyond,
@@ -76,25 +93,25 @@ impl From<BusError> for CardError {
     }
 }
 
-/// What went wrong since boot, by kind. Each wraps.
+/// What went wrong since boot, by kind. Each field wraps.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CardErrors {
-    /// Commands that nobody answered, an empty slot's included.
+    /// Commands without an answer, those to an empty slot included.
     pub silent: u32,
     /// Answers and blocks that were damaged.
     pub crc: u32,
     /// Blocks that did not come, or were not taken, in time; cards that were busy for too long.
     pub timeout: u32,
-    /// The FIFO ran over or dry.
+    /// Times that the FIFO overflowed or ran empty, or the DMA failed.
     pub fifo: u32,
-    /// The card refused.
+    /// Times that the card refused.
     pub refused: u32,
 }
 
 /// A card that was brought up.
 struct Found {
     identification: [u32; 4],
-    /// What it is addressed by, in the upper half.
+    /// The card's address, in the upper half of the word.
     address: u32,
     has_high_capacity: bool,
     is_protected: bool,
@@ -109,7 +126,7 @@ pub struct Card {
 }
 
 impl Card {
-    /// The slot; nothing is known of a card in it.
+    /// The slot; whether a card is in it is not known.
     pub const fn new(bus: Sdio) -> Self {
         Self {
             bus,
@@ -124,7 +141,7 @@ impl Card {
         }
     }
 
-    /// Brings up whatever card is in the slot.
+    /// Brings up the card that is in the slot.
     ///
     /// # Errors
     ///
@@ -134,18 +151,18 @@ impl Card {
         self.attempt(|_, _| Ok(()))
     }
 
-    /// Lets the card rest; it has to be found again.
+    /// Takes the clock from the card; it has to be found again before its next use.
     pub fn release(&mut self) {
         self.found = None;
         self.bus.stop();
     }
 
-    /// Blocks of 512 bytes.
+    /// The card's size, in blocks of 512 bytes.
     pub fn blocks(&self) -> u32 {
         self.found.as_ref().map_or(0, |found| found.blocks)
     }
 
-    /// Whether it may not be written.
+    /// Whether the card is write-protected.
     pub fn is_write_protected(&self) -> bool {
         self.found.as_ref().is_some_and(|found| found.is_protected)
     }
@@ -182,7 +199,7 @@ impl Card {
         })
     }
 
-    /// Tries until it succeeds, each time but the first on a card that was found anew.
+    /// Repeats `act` until it succeeds, on a card that is found again after each failure.
     fn attempt(
         &mut self,
         mut act: impl FnMut(&mut Sdio, &Found) -> Result<(), CardError>,
@@ -213,7 +230,7 @@ impl Card {
         }
     }
 
-    /// Brings up the card with that identification; any, if there is none.
+    /// Brings up the card with the identification `known`; with `None`, any card.
     fn find_again(&mut self, known: Option<[u32; 4]>) -> Result<Found, CardError> {
         let found = bring_up(&mut self.bus)?;
         match known {
@@ -246,30 +263,30 @@ impl Found {
     }
 }
 
-/// From power to the state in which it takes and gives blocks.
+/// Brings a card from power-up to the state in which blocks can be transferred.
 fn bring_up(bus: &mut Sdio) -> Result<Found, CardError> {
     bus.start();
-    bus.tell(command::GO_IDLE)?;
+    bus.command_only(command::GO_IDLE)?;
     // A card of the first version does not answer, or refuses.
-    let is_second = bus.ask(command::SEND_IF_COND, IF_COND) == Ok(IF_COND);
+    let is_second = bus.command(command::SEND_IF_COND, IF_COND) == Ok(IF_COND);
     let capacity = if is_second { HIGH_CAPACITY } else { 0 };
     let conditions = within(READY_US, || {
         let answer = bus
-            .ask(command::APPLICATION, 0)
-            .and_then(|_| bus.ask_unchecked(command::SEND_OP_COND, VOLTAGES | capacity));
+            .command(command::APPLICATION, 0)
+            .and_then(|_| bus.command_unchecked(command::SEND_OP_COND, VOLTAGES | capacity));
         match answer {
             Ok(conditions) if conditions & IS_READY == 0 => None,
             other => Some(other),
         }
     })
     .ok_or(CardError::Busy)??;
-    let identification = bus.ask_long(command::ALL_SEND_CID, 0)?;
-    let address = bus.ask(command::SEND_ADDRESS, 0)? & 0xFFFF_0000;
-    let csd = bus.ask_long(command::SEND_CSD, address)?;
-    accept(bus.ask(command::SELECT, address)?)?;
-    accept(bus.ask(command::APPLICATION, address)?)?;
-    accept(bus.ask(command::SET_BUS_WIDTH, FOUR_LINES)?)?;
-    accept(bus.ask(command::SET_BLOCK_LENGTH, BLOCK as u32)?)?;
+    let identification = bus.command_long(command::ALL_SEND_CID, 0)?;
+    let address = bus.command(command::SEND_ADDRESS, 0)? & 0xFFFF_0000;
+    let csd = bus.command_long(command::SEND_CSD, address)?;
+    accept(bus.command(command::SELECT, address)?)?;
+    accept(bus.command(command::APPLICATION, address)?)?;
+    accept(bus.command(command::SET_BUS_WIDTH, FOUR_LINES)?)?;
+    accept(bus.command(command::SET_BLOCK_LENGTH, BLOCK as u32)?)?;
     bus.speed_up();
     Ok(Found {
         identification,
@@ -280,7 +297,7 @@ fn bring_up(bus: &mut Sdio) -> Result<Found, CardError> {
     })
 }
 
-/// The card's size (5.3.2, 5.3.3).
+/// The card's size in blocks of 512 bytes, from its CSD (5.3.2, 5.3.3).
 const fn blocks(csd: &[u32; 4]) -> u32 {
     if csd[0] >> 30 == 1 {
         let size = (csd[1] & 0x3F) << 16 | csd[2] >> 16;
@@ -293,7 +310,7 @@ const fn blocks(csd: &[u32; 4]) -> u32 {
     (size + 1) * multiplier * of_512
 }
 
-/// Whether a status has no error in it.
+/// Returns the error in a card's status, if there is one.
 const fn accept(status: u32) -> Result<(), CardError> {
     if status & WP_VIOLATION != 0 {
         Err(CardError::WriteProtected)
@@ -308,7 +325,7 @@ const fn accept(status: u32) -> Result<(), CardError> {
 #[inline(never)]
 fn wait(bus: &mut Sdio, found: &Found) -> Result<(), CardError> {
     within(BUSY_US, || {
-        match bus.ask(command::SEND_STATUS, found.address) {
+        match bus.command(command::SEND_STATUS, found.address) {
             Ok(status) => match accept(status) {
                 Ok(()) if status & STATE_AND_READY != WAITS => None,
                 other => Some(other),

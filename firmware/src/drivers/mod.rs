@@ -1,7 +1,7 @@
-//! Thin drivers: registers in, values out. With the boards they have all of the
-//! firmware's `unsafe`.
+//! Thin drivers: registers in, values out. Most of the firmware's `unsafe` is here.
 
 pub mod card;
+pub mod led;
 pub mod pulse;
 pub mod sdio;
 pub mod time;

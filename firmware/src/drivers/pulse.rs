@@ -1,24 +1,23 @@
-//! The time pulse: edges captured by TIM4, told as cycles since boot.
+//! The time pulse: edges captured by TIM4, as cycles since boot.
 //!
-//! *Purpose.* From the pin of the pulse to [`PulseMark`]s for the GNSS task, each
-//! exact to a count of the timer, 11.9 ns, however late anybody looks.
+//! *Purpose.* From the pin of the pulse to [`PulseMark`]s for the GNSS task, each exact to a count of
+//! the timer, 11.9 ns, however late the task is.
 //!
-//! *Design.* Channel 2 of TIM4 captures rising edges in hardware, at the timer clock
-//! of 84 MHz and without a filter: the least of them takes 95 ns off the time and
-//! keeps out nothing that the clock would not refuse. The interrupt only names the
-//! round of the 16-bit counter ([`timebase::capture`]) and wakes the task at once.
-//! It turns itself off with each edge, and the alarm turns it on again,
-//! [`Pulse::listen`]: so a wire that bounces, or that nobody drives, costs an
-//! interrupt a millisecond and no more. A pull-down keeps it quiet.
+//! *Design.* Channel 2 of TIM4 captures rising edges in hardware, at the timer clock of 84 MHz and
+//! without a filter: the shortest filter delays the capture by 95 ns and keeps out nothing that the
+//! clock would not refuse. The interrupt only finds the round of the 16-bit counter
+//! ([`timebase::capture`]) and wakes the task at once. It disables itself at each edge, and the alarm
+//! enables it again ([`enable`]): so a wire that bounces, or that nothing drives, costs one interrupt
+//! a millisecond and no more. A pull-down keeps it quiet.
 //!
 //! | queue | filled by | drained by | when full |
 //! |---|---|---|---|
-//! | edges | the handler, ≤ 1 at each alarm, commonly 1 a second | the GNSS task, at once | the edge is lost and counted |
+//! | edges, 4 | the handler, ≤ 1 at each alarm, commonly 1 a second | the GNSS task, at once | the edge is lost and counted |
 //!
-//! *Limits.* The handler has to run within 774 µs of an edge. What can hold it up is
-//! the longest masked section, some hundred instructions by rule, and whatever
-//! stands above it in [`priorities`](crate::priorities): together some µs. Of edges
-//! closer together than the alarms the first is told. The wire is one of 3.3 V.
+//! *Limits.* The handler has to run within 774 µs of an edge. What can delay it is the longest masked
+//! section, some hundred instructions by rule, and what stands above it in
+//! [`priorities`](crate::priorities): some µs together. Of edges closer together than the alarms only
+//! the first is used. The wire carries 3.3 V.
 
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
@@ -44,11 +43,11 @@ mod bits {
     pub(super) const SR_CC2OF: u32 = 1 << 10;
 }
 
-/// What came over the wire of the pulse. Each wraps.
+/// What came over the wire of the pulse. Each field wraps.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct EdgeCounters {
-    /// Edges that were told.
-    pub told: u32,
+    /// Edges that the GNSS task was given.
+    pub queued: u32,
     /// Times that at least one more followed before the next alarm: bounces, noise.
     pub followed: u32,
     /// Edges that found the queue full.
@@ -60,14 +59,14 @@ pub struct Pulse(());
 
 static EDGES: Channel<CriticalSectionRawMutex, PulseMark, 4> = Channel::new();
 static PHASE: AtomicU32 = AtomicU32::new(0);
-/// An edge was told, and the alarm has not come since.
-static IS_DEAF: AtomicBool = AtomicBool::new(false);
-static TOLD: AtomicU32 = AtomicU32::new(0);
+/// An edge was captured, and the alarm has not come since.
+static IS_DISABLED: AtomicBool = AtomicBool::new(false);
+static QUEUED: AtomicU32 = AtomicU32::new(0);
 static FOLLOWED: AtomicU32 = AtomicU32::new(0);
 static QUEUE_FULL: AtomicU32 = AtomicU32::new(0);
 
-/// Starts the capture of `pin`'s rising edges. The time runs already, and the
-/// interrupt has its priority.
+/// Starts the capture of `pin`'s rising edges. The time runs already, and the interrupt has its
+/// priority.
 pub fn start(tim4: TIM4, pin: PD13, rcc: &mut Rcc) -> Pulse {
     pin.into_alternate::<AF>().internal_resistor(Pull::Down);
     TIM4::enable(rcc);
@@ -85,15 +84,15 @@ pub fn start(tim4: TIM4, pin: PD13, rcc: &mut Rcc) -> Pulse {
     Pulse(())
 }
 
-/// Lets the next edge be told; the alarm calls it. What came since the last one is
-/// left aside: it cannot be told from a bounce, and its count is out of reach.
+/// Enables the interrupt of the next edge; the alarm calls it. Edges that came since the last one are
+/// ignored: they may be bounces, and the round of their count cannot be found any more.
 #[inline]
-pub fn listen() {
+pub fn enable() {
     const CAPTURED: u32 = bits::SR_CC2IF | bits::SR_CC2OF;
-    if !IS_DEAF.load(Relaxed) {
+    if !IS_DISABLED.load(Relaxed) {
         return;
     }
-    IS_DEAF.store(false, Relaxed);
+    IS_DISABLED.store(false, Relaxed);
     let tim4 = registers();
     if tim4.sr().read().bits() & CAPTURED != 0 {
         // SAFETY: clears these two and leaves the others.
@@ -117,7 +116,7 @@ impl Pulse {
     /// What has come over the wire so far.
     pub fn counters(&self) -> EdgeCounters {
         EdgeCounters {
-            told: TOLD.load(Relaxed),
+            queued: QUEUED.load(Relaxed),
             followed: FOLLOWED.load(Relaxed),
             queue_full: QUEUE_FULL.load(Relaxed),
         }
@@ -130,18 +129,18 @@ fn TIM4() {
     let tim4 = registers();
     // First, so that the request is gone when the handler returns.
     tim4.dier().reset();
-    IS_DEAF.store(true, Relaxed);
+    IS_DISABLED.store(true, Relaxed);
     let capture = tim4.ccr2().read().ccr().bits();
     let phase = Phase::from_bits(PHASE.load(Relaxed));
     let edge = phase.edge(capture, time::now());
     match EDGES.try_send(PulseMark { edge }) {
-        Ok(()) => count(&TOLD),
+        Ok(()) => count(&QUEUED),
         Err(_) => count(&QUEUE_FULL),
     }
 }
 
 fn registers() -> &'static RegisterBlock {
-    // SAFETY: the timer is this module's; nobody asks before `start`.
+    // SAFETY: the timer is this module's, and this is called after `start` only.
     unsafe { &*TIM4::ptr() }
 }
 

@@ -1,20 +1,19 @@
 //! The memory card's bus: commands and blocks over SDIO and DMA2.
 //!
-//! *Purpose.* What a card is told and what it gives, one command or one block of 512 bytes
-//! at a time; [`card`](super::card) knows what to say.
+//! *Purpose.* One command, or one block of 512 bytes, at a time; [`card`](super::card) knows which.
 //!
-//! *Design.* No interrupt: whoever calls is at thread level, looks at the flags, and may be
-//! interrupted at any time for as long as it takes, because DMA2 (stream 3, channel 4, RM0090
-//! table 44) moves the words. Every wait has a limit. Blocks go through one buffer in RAM, which
-//! the DMA can reach wherever the caller's memory is. Without hardware flow control (ES0206
-//! 2.4.1); a FIFO that the DMA did not serve in time is an error like others.
+//! *Design.* No interrupt: the caller is at thread level and polls the flags. It may be interrupted at
+//! any time and for any time, because DMA2 (stream 3, channel 4, RM0090 table 44) moves the words.
+//! Every wait has a limit. Blocks go through one buffer in RAM, which the DMA can reach wherever the
+//! caller's memory is. Hardware flow control is off (ES0206 2.4.1); a FIFO that the DMA did not serve
+//! in time is an error like others.
 //!
-//! A failed transfer leaves words in the FIFO and both state machines somewhere. So there is one
-//! way back, [`Sdio::start`]: the peripheral is reset, and the card begins again.
+//! A failed transfer leaves words in the FIFO, and the state machines of both sides are not known. So
+//! there is one way back, [`Sdio::start`]: the peripheral is reset, and the card begins again.
 //!
-//! *Limits.* 16 MHz and four lines, as PX4 has it on this board. The two writes that begin
-//! a reception are made with interrupts masked, some cycles: the virtual board's interface gives
-//! up a card that does not answer within a word.
+//! *Limits.* 16 MHz and four lines, as PX4 has it on this board. The two writes that begin a reception
+//! are made with interrupts masked for some cycles, because the virtual board's interface gives up a
+//! card that does not answer within a word.
 
 use core::cell::UnsafeCell;
 
@@ -28,23 +27,31 @@ use super::time;
 
 /// SDIO on its pins (DS9484, alternate functions).
 const AF: u8 = 12;
+
 /// Bytes of a block.
 pub const BLOCK: usize = 512;
 
-/// SDIO_CK is 48 MHz over this plus two (RM0090, 31.9.2): 400 kHz until the card has an
-/// address, 16 MHz from then on.
+/// CLKDIV until the card has an address: SDIO_CK is 48 MHz / (118 + 2) = 400 kHz (RM0090, 31.9.2).
 const DIVIDER_SLOW: u8 = 118;
+
+/// CLKDIV from then on: 48 MHz / (1 + 2) = 16 MHz.
 const DIVIDER_FAST: u8 = 1;
-/// How long the card may take over a block in either direction, in periods of 16 MHz: 250 ms,
-/// the limit of its specification (4.6.2).
+
+/// The longest time for a block in either direction, in periods of 16 MHz: 250 ms, the limit of the
+/// card's specification (4.6.2).
 const DATA_TIMER: u32 = 16_000_000 / 4;
 
-/// Limits of waits, in µs. A response is there within 0.6 ms at 400 kHz, or the hardware says
-/// that it is not; the data timer ends a block within 250 ms; the DMA has a few words left then.
+/// The limit of the wait for a response, which is there within 0.6 ms at 400 kHz; or the hardware
+/// reports that it is not. [µs]
 const RESPONSE_US: u32 = 2_000;
+
+/// The limit of the wait for a block, which the data timer ends within 250 ms. [µs]
 const BLOCK_US: u32 = 300_000;
+
+/// The limit of the wait for the DMA, which has a few words left after a block. [µs]
 const DRAIN_US: u32 = 1_000;
-/// The card's supply and 74 of its clocks, before the first command (6.4.1), in µs.
+
+/// For the card's supply, and 74 of its clocks before the first command (6.4.1). [µs]
 const POWER_UP_US: u32 = 2_000;
 
 /// STA and ICR of RM0090, 31.9.11 and 31.9.12.
@@ -59,26 +66,28 @@ mod flags {
     pub(super) const CMDSENT: u32 = 1 << 7;
     pub(super) const DATAEND: u32 = 1 << 8;
     pub(super) const STBITERR: u32 = 1 << 9;
-    /// Everything that is cleared by hand.
+    /// All flags that software has to clear.
     pub(super) const CLEARED: u32 = 0x00C0_07FF;
-    /// What ends a command, and what ends a block.
+    /// What ends a command.
     pub(super) const COMMAND: u32 = CCRCFAIL | CTIMEOUT | CMDREND | CMDSENT;
+    /// What ends a block.
     pub(super) const DATA: u32 = DCRCFAIL | DTIMEOUT | TXUNDERR | RXOVERR | DATAEND | STBITERR;
-    /// LISR and LIFCR, stream 3: transfer error, and all five.
+    /// LISR, stream 3: transfer error.
     pub(super) const DMA_TEIF: u32 = 1 << 25;
+    /// LIFCR, stream 3: all five flags.
     pub(super) const DMA_ALL: u32 = 0x0F40_0000;
 }
 
 /// Why a command or a block did not come through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusError {
-    /// Nobody answered the command.
+    /// The command was not answered.
     Silent,
     /// The answer to the command, or a block, was damaged.
     Crc,
-    /// The block did not come, or was not taken, in time.
+    /// The block did not come, or the card did not take it, in time.
     DataTimeout,
-    /// The FIFO ran over or dry, or the DMA failed: this side's fault.
+    /// The FIFO overflowed or ran empty, or the DMA failed: this side's fault.
     Fifo,
 }
 
@@ -104,7 +113,7 @@ pub struct Pins {
 #[repr(align(16))]
 struct Buffer(UnsafeCell<[u8; BLOCK]>);
 
-// SAFETY: only the one `Sdio` touches it, and not while the DMA does.
+// SAFETY: only the one `Sdio` uses it, and not while the DMA does.
 unsafe impl Sync for Buffer {}
 
 static BUFFER: Buffer = Buffer(UnsafeCell::new([0; BLOCK]));
@@ -115,12 +124,12 @@ pub struct Sdio {
     dma: DMA2,
 }
 
-/// Waits until `look` has something, for at most `limit_us`, 25 s.
+/// Waits until `look` returns something, for at most `limit_us`, which may be up to 25 s.
 pub fn within<T>(limit_us: u32, mut look: impl FnMut() -> Option<T>) -> Option<T> {
     let limit = limit_us * (CORE_HZ / 1_000_000);
     let start = stamp();
     loop {
-        // Before the look: one that comes late because others ran is still a look.
+        // Read before the look: after a long interrupt there is still one look more.
         let is_last = stamp().wrapping_sub(start) > limit;
         let found = look();
         if found.is_some() || is_last {
@@ -129,7 +138,7 @@ pub fn within<T>(limit_us: u32, mut look: impl FnMut() -> Option<T>) -> Option<T
     }
 }
 
-/// The low word of the time, outlined: waits are many and in no hurry.
+/// The low word of the time. Outlined, because many waits use it and none is in a hurry.
 #[inline(never)]
 fn stamp() -> u32 {
     time::stamp().0
@@ -157,12 +166,13 @@ impl Sdio {
         Self { sdio, dma }
     }
 
-    /// Begins anew: a fresh interface, 400 kHz on one line, a card that has had its time.
+    /// Begins again: the interface is reset, at 400 kHz on one line, and the card has had the time
+    /// that it needs after power-up.
     #[inline(never)]
     pub fn start(&mut self) {
         self.stop_dma();
-        // SAFETY: this one bit of RCC is changed at thread level only, and nobody changes another
-        // one of that register after the board has been brought up.
+        // SAFETY: this bit of RCC changes at thread level only, and no other bit of that register
+        // changes after the board has been brought up.
         unsafe { SDIO::reset_unchecked() };
         self.sdio.power().write(|w| w.pwrctrl().power_on());
         self.sdio
@@ -171,7 +181,7 @@ impl Sdio {
         within::<()>(POWER_UP_US, || None);
     }
 
-    /// From now on 16 MHz on four lines, which the card has been told.
+    /// From now on 16 MHz on four lines, for which the card has been set.
     pub fn speed_up(&mut self) {
         self.sdio.clkcr().write(|w| {
             w.clkdiv().set(DIVIDER_FAST);
@@ -187,59 +197,59 @@ impl Sdio {
         unsafe { SDIO::reset_unchecked() };
     }
 
-    /// Sends a command that nobody answers.
+    /// Sends a command that has no answer.
     ///
     /// # Errors
     ///
     /// [`BusError::Silent`] when the interface did not send it.
-    pub fn tell(&mut self, index: u8) -> Result<(), BusError> {
+    pub fn command_only(&mut self, index: u8) -> Result<(), BusError> {
         self.clear_flags();
         self.send(index, 0, Response::None);
         self.ended().map(drop)
     }
 
-    /// Sends a command; its short answer.
+    /// Sends a command, and returns its short answer.
     ///
     /// # Errors
     ///
     /// [`BusError::Silent`] and [`BusError::Crc`].
     #[inline(never)]
-    pub fn ask(&mut self, index: u8, argument: u32) -> Result<u32, BusError> {
+    pub fn command(&mut self, index: u8, argument: u32) -> Result<u32, BusError> {
         self.clear_flags();
         self.send(index, argument, Response::Short);
         self.answer()
     }
 
-    /// As [`Self::ask`], where the answer has no checksum (ES0206, 2.4.2).
+    /// As [`Self::command`], where the answer has no checksum (ES0206, 2.4.2).
     ///
     /// # Errors
     ///
     /// [`BusError::Silent`].
-    pub fn ask_unchecked(&mut self, index: u8, argument: u32) -> Result<u32, BusError> {
-        match self.ask(index, argument) {
+    pub fn command_unchecked(&mut self, index: u8, argument: u32) -> Result<u32, BusError> {
+        match self.command(index, argument) {
             Err(BusError::Crc) => Ok(self.sdio.resp1().read().bits()),
             other => other,
         }
     }
 
-    /// Sends a command; its long answer, the first bits first.
+    /// Sends a command, and returns its long answer, the first bits first.
     ///
     /// # Errors
     ///
-    /// As [`Self::ask`].
+    /// As [`Self::command`].
     #[inline(never)]
-    pub fn ask_long(&mut self, index: u8, argument: u32) -> Result<[u32; 4], BusError> {
+    pub fn command_long(&mut self, index: u8, argument: u32) -> Result<[u32; 4], BusError> {
         self.clear_flags();
         self.send(index, argument, Response::Long);
         self.answer()?;
         Ok([0, 1, 2, 3].map(|n| self.sdio.resp(n).read().bits()))
     }
 
-    /// Has a command give a block; its answer, once `accepts` it, and the block.
+    /// Sends a command for a block and receives it, if `accepts` takes the command's answer.
     ///
     /// # Errors
     ///
-    /// What `accepts` says, or a [`BusError`]. The interface has to be started again then.
+    /// What `accepts` returns, or a [`BusError`]. The interface has to be started again then.
     pub fn receive<E: From<BusError>>(
         &mut self,
         index: u8,
@@ -248,7 +258,7 @@ impl Sdio {
         block: &mut [u8; BLOCK],
     ) -> Result<(), E> {
         self.prepare(false);
-        // The data path listens before the card may speak.
+        // The data path is ready before the card may send.
         critical_section::with(|_| {
             self.begin(false);
             self.send(index, argument, Response::Short);
@@ -260,13 +270,13 @@ impl Sdio {
             .and_then(|()| Ok(self.finish()?));
         self.stop_dma();
         if result.is_ok() {
-            // SAFETY: the DMA has stopped, so that the buffer is ours.
+            // SAFETY: the DMA has stopped, so that only this code uses the buffer.
             *block = unsafe { *BUFFER.0.get() };
         }
         result
     }
 
-    /// Has a command take `block`, once `accepts` its answer.
+    /// Sends a command and `block` after it, if `accepts` takes the command's answer.
     ///
     /// # Errors
     ///
@@ -281,7 +291,7 @@ impl Sdio {
         self.clear_flags();
         self.send(index, argument, Response::Short);
         accepts(self.answer()?)?;
-        // SAFETY: the DMA stands still, so that the buffer is ours.
+        // SAFETY: the DMA has stopped, so that only this code uses the buffer.
         unsafe { *BUFFER.0.get() = *block };
         self.prepare(true);
         self.begin(true);
@@ -295,7 +305,7 @@ impl Sdio {
         self.sdio.arg().write(|w| w.cmdarg().set(argument));
         self.sdio.cmd().write(|w| {
             w.cmdindex().set(index);
-            // SAFETY: three of the four values, each of which has a meaning (31.9.4).
+            // SAFETY: each of the values has a meaning (31.9.4).
             unsafe { w.waitresp().bits(response as u8) };
             w.cpsmen().enabled()
         });
@@ -327,14 +337,14 @@ impl Sdio {
         }
     }
 
-    /// Sets the DMA up for a block. The interface says when it ends (RM0090, 31.3.2).
+    /// Sets the DMA up for a block. The interface controls when it ends (RM0090, 31.3.2).
     #[inline(never)]
     fn prepare(&mut self, to_card: bool) {
         self.stop_dma();
         let stream = self.stream();
         let fifo = self.sdio.fifo().as_ptr() as u32;
-        // SAFETY: the addresses are those of the FIFO and of the buffer, which is as long as
-        // what DLEN says and nobody else's while the stream runs.
+        // SAFETY: the addresses are those of the FIFO and of the buffer. The buffer is as long as
+        // DLEN says, and no other code uses it while the stream runs.
         unsafe {
             stream.par().write(|w| w.bits(fifo));
             stream.m0ar().write(|w| w.bits(BUFFER.0.get() as u32));
@@ -353,7 +363,7 @@ impl Sdio {
                 w.dir().peripheral_to_memory()
             }
         });
-        // What was stored into the buffer is there before the DMA looks.
+        // What was stored into the buffer is there before the DMA reads it.
         cortex_m::asm::dmb();
         stream.cr().modify(|_, w| w.en().enabled());
         self.clear_flags();
@@ -361,7 +371,7 @@ impl Sdio {
         self.sdio.dlen().write(|w| w.datalength().set(BLOCK as u32));
     }
 
-    /// Lets the data path go.
+    /// Starts the data path.
     #[inline(never)]
     fn begin(&mut self, to_card: bool) {
         self.sdio.dctrl().write(|w| {
@@ -372,7 +382,7 @@ impl Sdio {
         });
     }
 
-    /// Waits until the block has crossed and the DMA is done with it.
+    /// Waits until the block is transferred and the DMA is done with it.
     #[inline(never)]
     fn finish(&mut self) -> Result<(), BusError> {
         let found = within(BLOCK_US, || {
@@ -399,11 +409,11 @@ impl Sdio {
         Ok(())
     }
 
-    /// The stream stands still, and its flags are cleared; so the buffer is ours.
+    /// Stops the stream and clears its flags; after that only this code uses the buffer.
     #[inline(never)]
     fn stop_dma(&mut self) {
         self.stream().cr().modify(|_, w| w.en().disabled());
-        // It ends its burst first (RM0090, 10.3.14).
+        // The stream ends its burst first (RM0090, 10.3.14).
         within(DRAIN_US, || {
             self.stream().cr().read().en().is_disabled().then_some(())
         });

@@ -2,13 +2,12 @@
 //!
 //! *Purpose.* [`now`] and [`stamp`] for everything that happens; timers for the tasks.
 //!
-//! *Design.* The arithmetic is `timebase::tick`'s; here are its registers and words.
-//! The tick interrupt moves the anchor and compares its low word with the alarm:
-//! when that is due it pends PendSV, and the queue of timers is looked through
-//! there, at a lower priority. The alarm is never more than a millisecond away,
-//! because PendSV is also what looks into the serial lines' rings; so 32 bits are
-//! enough for the comparison, and a timer is due at most a tick, and the way to
-//! its task, late. Timers are compared with the time itself and so never early.
+//! *Design.* The arithmetic is `timebase::tick`'s; here are its registers and words. The tick interrupt
+//! moves the anchor and compares its low word with the alarm. When that is due it pends PendSV, which
+//! searches the queue of timers at a lower priority. The alarm is never more than a millisecond away,
+//! because PendSV also looks into the rings of the serial lines; so 32 bits are enough for the
+//! comparison. A timer is late by a tick at most, and by the way to its task. It is never early,
+//! because it is compared with the time itself.
 //!
 //! *Limits.* embassy's ticks are µs. Before [`start`] its time is 0.
 
@@ -24,19 +23,21 @@ use critical_section::Mutex;
 use embassy_time_driver::Driver;
 use embassy_time_queue_utils::Queue;
 use stm32f4xx_hal::pac::TIM5;
+use stm32f4xx_hal::rcc::{Enable as _, Rcc, Reset as _};
 use timebase::tick::{self, CounterPair, Word};
 use timebase::{CORE_HZ, Cycles, Stamp};
 
 use crate::settings::VARIANT;
 use crate::{board, priorities};
 
-/// How long bytes may wait in a ring before their task is woken, in cycles: 1 ms.
+/// The longest time from alarm to alarm, and so for bytes in a ring before their task is woken, in
+/// cycles: 1 ms.
 const SERVICE: u32 = CORE_HZ / 1_000;
 
 /// From tick to tick, in cycles.
 pub const TICK_PERIOD: u32 = CORE_HZ / 1_000_000 * VARIANT.tick_us();
 
-/// The timer that `board` starts beside SysTick, and SysTick itself.
+/// The counters, SysTick and TIM5.
 struct Registers;
 
 static WORDS: [AtomicU32; 4] = [const { AtomicU32::new(0) }; 4];
@@ -70,11 +71,11 @@ impl CounterPair for Registers {
 
     #[inline(always)]
     fn masked<R>(&self, section: impl FnOnce() -> R) -> R {
-        // As `cortex_m::interrupt::free`, less its branch and its barrier: nothing
-        // here depends on a pending interrupt being taken before the next line.
+        // As `cortex_m::interrupt::free`, less its branch and its barrier: nothing here depends on
+        // a pending interrupt being taken before the next line.
         let before: u32;
-        // SAFETY: masks interrupts, and puts back what was found, so that nobody
-        // who had them masked finds them unmasked. Both are barriers to the compiler.
+        // SAFETY: masks interrupts, and puts back what was found, so that a caller that had them
+        // masked still has them masked. Both are barriers to the compiler.
         unsafe { asm!("mrs {}, PRIMASK", "cpsid i", out(reg) before, options(nostack)) };
         let result = section();
         // SAFETY: as above.
@@ -94,15 +95,19 @@ pub struct PriorityRefused {
     pub found: u8,
 }
 
-/// Starts SysTick at [`priorities::TICK`]; its witness runs already.
+/// Starts the witness, and SysTick at [`priorities::TICK`].
 ///
 /// # Errors
 ///
-/// [`PriorityRefused`] when SHPR3 does not read back as it was written. Nothing
-/// is started then.
-pub fn start(mut syst: SYST, scb: &mut SCB, _witness: TIM5) -> Result<(), PriorityRefused> {
-    // SAFETY: the priorities are those of the table; no priority-based critical
-    // section exists that they could break.
+/// [`PriorityRefused`] when SHPR3 does not read back as it was written. SysTick is not started then.
+pub fn start(
+    mut syst: SYST,
+    scb: &mut SCB,
+    tim5: TIM5,
+    rcc: &mut Rcc,
+) -> Result<(), PriorityRefused> {
+    start_witness(&tim5, rcc);
+    // SAFETY: the priorities are those of the table; no critical section depends on priorities.
     unsafe {
         scb.set_priority(SystemHandler::SysTick, priorities::TICK);
         scb.set_priority(SystemHandler::PendSV, priorities::ALARM);
@@ -125,6 +130,15 @@ pub fn start(mut syst: SYST, scb: &mut SCB, _witness: TIM5) -> Result<(), Priori
     Ok(())
 }
 
+fn start_witness(tim5: &TIM5, rcc: &mut Rcc) {
+    TIM5::enable(rcc);
+    TIM5::reset(rcc);
+    tim5.psc().write(|w| w.psc().set(board::WITNESS_PRESCALER));
+    // The prescaler takes effect at the next update; this is one.
+    tim5.egr().write(|w| w.ug().update());
+    tim5.cr1().write(|w| w.cen().enabled());
+}
+
 /// Time since boot.
 #[inline(always)]
 pub fn now() -> Cycles {
@@ -142,8 +156,8 @@ pub fn stamp() -> Stamp {
     tick::stamp(&Registers)
 }
 
-/// Two readings, and the time between them: `read`, SysTick and `read` again, one
-/// right behind the other.
+/// Two readings and the time between them: `read`, SysTick and `read` again, without an interrupt
+/// in between.
 pub fn between<T>(read: impl Fn() -> T) -> (T, Cycles, T) {
     Registers.masked(|| {
         let now = now();
@@ -155,13 +169,13 @@ pub fn between<T>(read: impl Fn() -> T) -> (T, Cycles, T) {
     })
 }
 
-/// Ticks that were lost while interrupts were masked, and made good.
+/// Ticks that were lost while interrupts were masked, and then counted.
 pub fn lost_ticks() -> u32 {
     Registers.load(Word::LostTicks)
 }
 
-/// SysTick's handler, at [`priorities::TICK`]: the least possible. What is rare is
-/// outlined, so that the plain tick saves no registers.
+/// SysTick's handler, at [`priorities::TICK`]: as little as possible. What is rare is outlined, so that
+/// the plain tick saves no registers.
 #[unsafe(no_mangle)]
 extern "C" fn SysTick() {
     match tick::on_tick(&Registers) {
@@ -190,7 +204,7 @@ fn is_alarm_due(anchor: Stamp) -> bool {
     anchor.0.wrapping_sub(ALARM.load(Relaxed)).cast_signed() >= 0
 }
 
-/// Wakes what is due and sets the next alarm; PendSV calls it.
+/// Wakes what is due and sets the next alarm. PendSV calls it.
 pub fn on_alarm() {
     critical_section::with(|token| {
         let mut timers = DRIVER.timers.borrow_ref_mut(token);

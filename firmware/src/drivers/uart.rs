@@ -1,25 +1,24 @@
 //! A serial line: bytes stamped as they arrive, bytes that wait to leave.
 //!
-//! *Purpose.* Between a UART's interrupt and a task stand two rings; this module
-//! has both, and the interrupt's handler.
+//! *Purpose.* Between a UART's interrupt and a task stand two rings; this module has both, and the
+//! interrupt's handler.
 //!
-//! *Design.* The handler stamps a byte, stores it and wakes nobody: the alarm looks into the rings
-//! once a millisecond ([`Line::wake_reader`]), and wakes the task when the line pauses or much has
-//! come. The stamps make that delay harmless. Each end of a ring has one owner: the handler owns
-//! the ends in [`Line`]; [`Line::open`] hands the other ends to a task, once.
+//! *Design.* The handler stamps a byte, stores it and wakes no task. The alarm looks into the rings
+//! once a millisecond ([`Line::wake_reader`]), and wakes the task when the line pauses or many bytes
+//! wait. The stamps make that delay harmless. Each end of a ring has one owner: the handler owns
+//! the ends in [`Line`]; [`Line::open`] gives the other ends to a task, once.
 //!
 //! | ring | filled by | drained by | when full |
 //! |---|---|---|---|
-//! | incoming | the handler, ≤ 11.5 bytes a ms at 115200 | the task, within 12 ms | the byte is lost and counted |
+//! | incoming, 256 | the handler, ≤ 11.5 bytes a ms at 115200 | the task, within 12 ms | the byte is lost and counted |
 //! | outgoing | the task, whole frames | the handler, as the line takes them | the frame is refused and counted |
 //!
-//! The incoming ring is emptied as a whole, under a critical section of some hundred
-//! instructions: byte by byte, a lock-free queue costs the task more for each than
-//! finding frames in them.
+//! The incoming ring is emptied as a whole, under a critical section of some hundred instructions: a
+//! lock-free queue costs the task more for each byte than the search for frames.
 //!
-//! *Limits.* The F4's UARTs have no FIFO: interrupts masked for longer than a byte
-//! (87 µs at 115200) cost one, counted as an overrun. Bytes with a framing error
-//! are dropped; a noisy byte is kept, since checksums judge it.
+//! *Limits.* The F4's UARTs have no FIFO: interrupts masked for longer than a byte (87 µs at 115200)
+//! lose one, counted as an overrun. Bytes with a framing error are dropped; a noisy byte is kept,
+//! since checksums judge it.
 
 use core::cell::{Cell, UnsafeCell};
 use core::future::poll_fn;
@@ -51,20 +50,21 @@ mod bits {
     pub(super) const CR1_TXEIE: u16 = 1 << 7;
 }
 
-/// The incoming ring: 22 ms at 115200, for a task that is held up.
+/// The room of the incoming ring: 22 ms at 115200, for a task that is late.
 pub const INCOMING: usize = 256;
 
-/// So many bytes wake a task though the line is still talking: 11 ms at 115200.
+/// With this many bytes in the ring the task is woken although the line does not pause: 11 ms at
+/// 115200.
 const WORTH_WAKING: usize = 128;
 
 /// From look to look of PX4 1.9, in cycles: 1 ms.
 const LOOK_EVERY: u32 = CORE_HZ / 1_000;
 
-/// The incoming ring of a line, beside it rather than in it: all zeros at first, it
-/// takes no flash.
+/// The incoming ring of a line. It is beside the line and not in it because it is all zeros at first,
+/// and so takes no flash.
 pub struct Incoming(UnsafeCell<Deque<StampedByte, INCOMING>>);
 
-// SAFETY: only its `Line` reaches into it, as told there.
+// SAFETY: only its `Line` reaches into it, for the reason given there.
 unsafe impl Sync for Incoming {}
 
 impl Incoming {
@@ -77,7 +77,7 @@ impl Incoming {
 /// What went wrong on a line, by kind.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LineErrors {
-    /// Bytes that came before the last one was taken: at least one was lost each time.
+    /// Bytes that came before the last one was read: at least one was lost each time.
     pub overrun: u32,
     /// Bytes without a stop bit: a wrong rate, a break, a bad wire. Dropped.
     pub framing: u32,
@@ -99,7 +99,7 @@ pub struct Line {
     reader: AtomicWaker,
     /// How many bytes waited at the last call of [`Self::wake_reader`].
     waiting: AtomicUsize,
-    /// When it was last looked for bytes as PX4 does it.
+    /// When the last look for bytes in PX4's manner was.
     looked: AtomicU32,
     counters: [AtomicU32; 5],
 }
@@ -113,9 +113,9 @@ enum Kind {
     OutgoingFull,
 }
 
-// SAFETY: `outgoing` is touched by `on_interrupt` alone, which its contract keeps to
-// one interrupt; `incoming` by it, and under critical sections that it cannot
-// preempt; everything else is atomic or behind a mutex.
+// SAFETY: only `on_interrupt` touches `outgoing`, and its contract keeps it to one interrupt.
+// `incoming` is touched there, and under critical sections which it cannot preempt. Everything else
+// is atomic or behind a mutex.
 unsafe impl Sync for Line {}
 
 impl Line {
@@ -124,9 +124,9 @@ impl Line {
     ///
     /// # Safety
     ///
-    /// No other line has `incoming`. `registers` is a U(S)ART of the chip that nobody
-    /// else writes to once the line is open. (UART4's registers are those of a USART without the
-    /// synchronous and flow-control bits, which stay 0 here.)
+    /// No other line has `incoming`. `registers` is a U(S)ART of the chip that no other code writes
+    /// to once the line is open. (UART4's registers are those of a USART without the synchronous and
+    /// flow-control bits, which stay 0 here.)
     pub const unsafe fn new(
         registers: *const RegisterBlock,
         interrupt: Interrupt,
@@ -141,7 +141,7 @@ impl Line {
             end: Mutex::new(Cell::new(Some(outgoing.0))),
             reader: AtomicWaker::new(),
             waiting: AtomicUsize::new(0),
-            // Between two ticks of a ms.
+            // Half a ms after the alarm's own look.
             looked: AtomicU32::new(LOOK_EVERY / 2),
             counters: [const { AtomicU32::new(0) }; 5],
         }
@@ -178,7 +178,7 @@ impl Line {
         let stamp = time::stamp();
         let byte = registers.dr().read().bits() as u8;
         if status & bits::SR_ERRORS == 0 || self.is_usable(status) {
-            // SAFETY: who else uses the ring masks this handler meanwhile.
+            // SAFETY: other users of the ring mask this handler meanwhile.
             let incoming = unsafe { &mut *self.incoming.0.get() };
             if incoming.push_back(StampedByte { stamp, byte }).is_err() {
                 self.count(Kind::IncomingFull);
@@ -189,8 +189,8 @@ impl Line {
         }
     }
 
-    /// Gives the UART bytes as long as it takes them, or stops asking when there
-    /// are none left.
+    /// Gives the UART bytes as long as it takes them, and disables its interrupt when there are
+    /// none left.
     #[inline(always)]
     fn send(&self) {
         let registers = self.registers();
@@ -205,8 +205,7 @@ impl Line {
         }
     }
 
-    /// Counts what the status register complains of; whether the byte is good for
-    /// anything.
+    /// Counts the errors in the status register; whether the byte can be used.
     #[cold]
     #[inline(never)]
     fn is_usable(&self, status: u16) -> bool {
@@ -222,9 +221,9 @@ impl Line {
         status & bits::SR_FE == 0 && status & bits::SR_RXNE != 0
     }
 
-    /// Wakes the reading task when it is worth it: when [`WORTH_WAKING`] bytes wait,
-    /// or when some do and no more have come since the last call. To be called once
-    /// a millisecond. In the paper's variants when any do, see [`Self::look_as_px4`].
+    /// Wakes the reading task when it is worth it: when [`WORTH_WAKING`] bytes wait, or when some do
+    /// and no more have come since the last call. To be called once a millisecond. In the paper's
+    /// variants it wakes the task when any bytes wait, see [`Self::look_as_px4`].
     #[inline]
     pub fn wake_reader(&self) {
         let waiting = self.with_incoming(|incoming| incoming.len());
@@ -239,8 +238,8 @@ impl Line {
     }
 
     /// PX4 1.9 looks into its DMA's buffer once a millisecond, by a timer other than the tick's,
-    /// and wakes who polls (`boards/px4/fmu-v2/src/init.c`, `stm32_serial_dma_poll`). Here the
-    /// alarm does it, and between the ticks the first byte after each full period.
+    /// and wakes the task that polls (`boards/px4/fmu-v2/src/init.c`, `stm32_serial_dma_poll`). Here
+    /// the alarm does it, and between the ticks the first byte after each full period.
     fn look_as_px4(&self, stamp: Stamp) {
         let since = stamp.0.wrapping_sub(self.looked.load(Relaxed));
         if since >= LOOK_EVERY {
@@ -271,7 +270,7 @@ impl Line {
     #[inline(always)]
     fn with_incoming<R>(&self, act: impl FnOnce(&mut Deque<StampedByte, INCOMING>) -> R) -> R {
         critical_section::with(|_| {
-            // SAFETY: the handler and all others who could come here are masked.
+            // SAFETY: the handler, and all other code that could come here, is masked.
             act(unsafe { &mut *self.incoming.0.get() })
         })
     }
@@ -281,7 +280,7 @@ impl Line {
         unsafe { &*self.registers }
     }
 
-    /// Changes CR1, which the handler and a task both do.
+    /// Changes CR1, which both the handler and a task do.
     fn change_cr1(&self, change: impl FnOnce(u16) -> u16) {
         critical_section::with(|_| {
             self.registers()
@@ -316,8 +315,8 @@ impl Reader {
         self.line.with_incoming(|incoming| incoming.len())
     }
 
-    /// Hands over the bytes that are there now, in two runs at most, with
-    /// interrupts masked: `take` copies them and does no more.
+    /// Passes the bytes that are there now to `take`, in two pieces at most, and empties the ring.
+    /// Interrupts are masked meanwhile: `take` copies the bytes and does no more.
     #[inline(always)]
     pub fn take(&mut self, mut take: impl FnMut(&[StampedByte])) {
         self.line.with_incoming(|incoming| {
@@ -356,12 +355,12 @@ impl Writer {
             return false;
         }
         for &byte in frame {
-            // Room was found above, and only we fill it.
+            // There is room, as found above, and only this code fills the ring.
             let _ = self.outgoing.enqueue(byte);
         }
         self.line.change_cr1(|cr1| cr1 | bits::CR1_TXEIE);
-        // A UART raises its interrupt now. QEMU's does so from release 8 on; before
-        // that somebody else has to.
+        // A real UART raises its interrupt now, and QEMU's does from release 8 on. For older ones it
+        // is raised here.
         NVIC::pend(self.line.interrupt);
         true
     }

@@ -1,4 +1,4 @@
-//! The receiver's configuration between the session and the line: what both GNSS tasks share.
+//! The receiver's configuration: between the session that knows what to send and the line.
 
 use timebase::{CORE_HZ, Cycles};
 use ubx_link::{Action, Event, Session, SessionCounters};
@@ -6,8 +6,8 @@ use ubx_link::{Action, Event, Session, SessionCounters};
 use crate::drivers::uart::Writer;
 use crate::settings;
 
-/// How often it is looked whether a frame has left the wire, in cycles: 1 ms. Only
-/// while the receiver is being configured.
+/// From look to look whether a frame has left the wire, in cycles: 1 ms. Only while the receiver is
+/// being configured.
 const LOOK_EVERY: u64 = CORE_HZ as u64 / 1_000;
 
 /// The session, and whether a frame of its is on its way out.
@@ -25,13 +25,13 @@ impl Configuration {
         }
     }
 
-    /// Something readable has come from the receiver.
+    /// Takes a message of the receiver.
     #[inline]
     pub fn handle_event(&mut self, now: Cycles, event: &Event) {
         self.session.handle_event(now, event);
     }
 
-    /// Says whether the pulse is to be forecast. Before [`Self::drive`].
+    /// Sets whether the receiver is to forecast its pulse. Before [`Self::drive`].
     #[inline]
     pub const fn handle_forecasts_wanted(&mut self, wanted: bool) {
         self.session.handle_forecasts_wanted(wanted);
@@ -55,7 +55,7 @@ impl Configuration {
         }
     }
 
-    /// When to call [`Self::drive`] again if nothing comes.
+    /// When to call [`Self::drive`] again if no byte comes.
     #[inline]
     pub fn poll_timeout(&self, now: Cycles) -> Option<Cycles> {
         if self.is_sending {

@@ -1,175 +1,146 @@
-//! The GNSS task: bytes and edges in, marks and pulses to the clock, and the
-//! receiver's configuration.
+//! The GNSS task: the receiver's messages and pulses go to the clock.
+
+use core::mem;
 
 use embassy_futures::select::select3;
-use embassy_time::{Instant, Timer};
+use embassy_time::Timer;
 use timebase::{CORE_HZ, Cycles, TimeMark};
-use ubx_link::{Event, Fix, Link};
+use ubx_link::Event;
 use utc_clock::{Outcome, PulseOutcome, Settings, Source, UtcClock};
 
-use super::configuration::Configuration;
+use super::receiver::{REPORT_EVERY, Receiver, first_instant_after};
+use crate::clock::CLOCK;
+use crate::clock_events::{self, ClockEvent};
 use crate::drivers::pulse::Pulse;
 use crate::drivers::time;
-use crate::drivers::uart::{INCOMING, Reader, Writer};
+use crate::drivers::uart::{Reader, Writer};
+use crate::reports::{GNSS, GnssReport};
 use crate::settings;
-use crate::shared::{CLOCK, CLOCK_EVENTS, ClockEvent, GNSS, GnssReport};
 
-/// From report to report, in cycles: 1 s.
-pub(super) const REPORT_EVERY: u64 = CORE_HZ as u64;
-
-/// Forecasts of the pulse are wanted for so long after an edge, in cycles: 10 s.
+/// The receiver is to forecast its pulse for this time after an edge, in cycles: 10 s.
 const FORECASTS_FOR: u64 = 10 * CORE_HZ as u64;
 
-// All that the ring holds fits at once.
-const _: () = assert!(INCOMING <= Link::ROOM);
-
-/// Runs for ever, on the prompt executor.
+/// Runs forever, on the high executor.
 #[embassy_executor::task]
-pub async fn run(mut reader: Reader, mut writer: Writer, mut pulse: Pulse) {
-    let mut receiver = Receiver::new();
+pub async fn run(line: (Reader, Writer), pulse: Pulse) {
+    let mut gnss = Gnss::new(line, pulse);
     let mut report_due = Cycles::BOOT;
     loop {
         let now = time::now();
-        receiver.listen(&mut reader, now);
-        receiver.watch(&mut pulse);
-        receiver.configure(&mut writer, now);
-        receiver.clock.handle_timeout(now);
-        receiver.tell_source();
+        gnss.handle_messages(now);
+        gnss.handle_pulses();
+        gnss.configure(now);
+        gnss.clock.handle_timeout(now);
+        gnss.note_source();
         if now >= report_due {
             report_due = now.plus(REPORT_EVERY);
-            GNSS.tell(receiver.report(&reader, &pulse));
+            GNSS.set(gnss.report());
         }
-        let due = receiver.poll_timeout(now).min(report_due);
+        let due = gnss.poll_timeout(now).min(report_due);
         let timer = Timer::at(first_instant_after(due));
-        select3(reader.wait(), pulse.wait(), timer).await;
+        select3(gnss.receiver.wait(), gnss.pulse.wait(), timer).await;
     }
 }
 
-/// The state machines that the receiver's bytes go through.
-struct Receiver {
-    link: Link,
-    configuration: Configuration,
+/// The receiver, its pulse, and the clock that they steer.
+struct Gnss {
+    receiver: Receiver,
+    pulse: Pulse,
     clock: UtcClock<'static>,
-    /// The last solution, and when it arrived.
-    fix: Option<(Cycles, Fix)>,
     /// The last edge of the pulse's wire.
     edge: Option<Cycles>,
     /// What steered the clock last.
     source: Source,
 }
 
-impl Receiver {
-    fn new() -> Self {
+impl Gnss {
+    fn new(line: (Reader, Writer), pulse: Pulse) -> Self {
         let settings = Settings::DEFAULT.with_latency_ns(settings::LATENCY_NS);
         Self {
-            link: Link::new(),
-            configuration: Configuration::new(),
+            receiver: Receiver::new(line),
+            pulse,
             clock: UtcClock::new(settings, &CLOCK),
-            fix: None,
             edge: None,
             source: Source::Nothing,
         }
     }
 
-    /// Takes what has come in.
-    fn listen(&mut self, reader: &mut Reader, now: Cycles) {
-        reader.take(|bytes| {
-            self.link.push(bytes);
-        });
-        while let Some(event) = self.link.poll(now) {
-            self.configuration.handle_event(now, &event);
+    /// Takes what came over the receiver's line.
+    fn handle_messages(&mut self, now: Cycles) {
+        self.receiver.take();
+        while let Some(event) = self.receiver.poll(now) {
             match event {
-                Event::NavPvt { mark, fix } => {
-                    self.fix = Some((mark.arrival, fix));
-                    self.follow(&mark);
-                }
+                Event::NavPvt { mark, .. } => self.handle_mark(&mark),
                 Event::TimTp(forecast) => self.clock.handle_forecast(&forecast),
                 Event::Ack { .. } | Event::Nak { .. } => {}
             }
         }
     }
 
-    /// Gives a mark to the clock, and tells what came of it.
-    fn follow(&mut self, mark: &TimeMark) {
+    fn handle_mark(&mut self, mark: &TimeMark) {
         match self.clock.handle_mark(mark, time::now()) {
             Outcome::Set => {
                 defmt::info!("the clock is set");
-                tell(ClockEvent::Set);
+                clock_events::push(ClockEvent::Set);
             }
-            Outcome::Stepped { by_ns } => tell_step(by_ns),
+            Outcome::Stepped { by_ns } => push_step(by_ns),
             Outcome::Slewed { .. } | Outcome::Confirmed | Outcome::Refused(_) => {}
         }
     }
 
-    /// Takes what has come over the pulse's wire. After [`Self::listen`]: a forecast
-    /// comes before its pulse.
-    fn watch(&mut self, pulse: &mut Pulse) {
-        while let Some(mark) = pulse.take() {
+    /// Takes what came over the pulse's wire. After [`Self::handle_messages`]: a forecast comes
+    /// before its pulse.
+    fn handle_pulses(&mut self) {
+        while let Some(mark) = self.pulse.take() {
             self.edge = Some(mark.edge);
             if let PulseOutcome::Stepped { by_ns } = self.clock.handle_pulse(&mark, time::now()) {
-                tell_step(by_ns);
+                push_step(by_ns);
             }
         }
     }
 
-    /// Tells when the pulse begins to steer, or does not any more.
-    fn tell_source(&mut self) {
-        let before = core::mem::replace(&mut self.source, self.clock.source());
+    /// Reports that the pulse begins to steer the clock, or does not steer it any more.
+    fn note_source(&mut self) {
+        let before = mem::replace(&mut self.source, self.clock.source());
         match (before == Source::Pulse, self.source == Source::Pulse) {
             (false, true) => {
                 defmt::info!("the pulse steers the clock");
-                tell(ClockEvent::PulseFollowed);
+                clock_events::push(ClockEvent::PulseFollowed);
             }
             (true, false) => {
                 defmt::warn!("the pulse does not steer the clock any more");
-                tell(ClockEvent::PulseLost);
+                clock_events::push(ClockEvent::PulseLost);
             }
             _ => {}
         }
     }
 
     /// Goes on with the receiver's configuration.
-    fn configure(&mut self, writer: &mut Writer, now: Cycles) {
+    fn configure(&mut self, now: Cycles) {
         let has_pulse = self.edge.is_some_and(|edge| edge.plus(FORECASTS_FOR) > now);
-        self.configuration.handle_forecasts_wanted(has_pulse);
-        self.configuration.drive(writer, now);
+        self.receiver.handle_forecasts_wanted(has_pulse);
+        self.receiver.configure(now);
     }
 
-    /// When one of the state machines has to be asked again.
+    /// When the loop has to come round again.
     fn poll_timeout(&self, now: Cycles) -> Cycles {
-        let mut due = self.clock.poll_timeout();
-        let of_configuration = self.configuration.poll_timeout(now);
-        for timeout in [of_configuration, self.link.poll_timeout(now)] {
-            due = timeout.map_or(due, |timeout| due.min(timeout));
-        }
-        due
+        let due = self.clock.poll_timeout();
+        let of_receiver = self.receiver.poll_timeout(now);
+        of_receiver.map_or(due, |timeout| due.min(timeout))
     }
 
-    fn report(&self, reader: &Reader, pulse: &Pulse) -> GnssReport {
+    fn report(&self) -> GnssReport {
         GnssReport {
-            link: self.link.counters(),
-            session: self.configuration.counters(),
+            receiver: self.receiver.report(),
             clock: self.clock.counters(),
-            line: reader.errors(),
-            edges: pulse.counters(),
             source: self.source,
             frequency: self.clock.frequency(),
-            fix: self.fix,
+            edges: self.pulse.counters(),
         }
     }
 }
 
-fn tell_step(by_ns: i64) {
+fn push_step(by_ns: i64) {
     defmt::warn!("the clock steps by {=i64} ns", by_ns);
-    tell(ClockEvent::Stepped { by_ns });
-}
-
-pub(super) fn tell(news: ClockEvent) {
-    // A full queue means that nobody listens; the log has it.
-    let _ = CLOCK_EVENTS.try_send(news);
-}
-
-/// The first of embassy's µs that is not earlier than `time`.
-pub(super) fn first_instant_after(time: Cycles) -> Instant {
-    Instant::from_micros(time.as_micros().saturating_add(1))
+    clock_events::push(ClockEvent::Stepped { by_ns });
 }

@@ -1,4 +1,4 @@
-//! The amber LED tells the clock's state to whoever looks at the board.
+//! The amber LED shows the clock's state.
 //!
 //! | state | the LED |
 //! |---|---|
@@ -7,24 +7,24 @@
 //! | holdover | a long flash a second |
 
 use embassy_time::Timer;
-use stm32f4xx_hal::gpio::{ErasedPin, OpenDrain, Output, PinState};
-use utc_clock::ClockState;
+use timebase::ClockState;
 
+use crate::clock;
+use crate::drivers::led::Led;
 use crate::drivers::time;
-use crate::shared;
 
-/// Runs for ever, on the patient executor.
+/// Runs forever, on the low executor.
 #[embassy_executor::task]
-pub async fn run(mut led: ErasedPin<Output<OpenDrain>>) {
+pub async fn run(mut led: Led) {
     loop {
-        let (lit_ms, dark_ms) = match shared::reading_at(time::now()).state {
+        let (lit_ms, dark_ms) = match clock::reading_at(time::now()).state {
             ClockState::Unset => (100, 100),
             ClockState::Set => (50, 950),
             ClockState::Holdover => (500, 500),
         };
         // One await in the loop: each brings the whole of a timer.
-        for (state, for_ms) in [(PinState::Low, lit_ms), (PinState::High, dark_ms)] {
-            led.set_state(state);
+        for (is_lit, for_ms) in [(true, lit_ms), (false, dark_ms)] {
+            led.set_lit(is_lit);
             Timer::after_millis(for_ms).await;
         }
     }

@@ -1,8 +1,9 @@
-//! One async task a file: a loop that feeds a state machine; and what two of them share.
+//! One async task a file: a loop that feeds a state machine.
 
 mod configuration;
 pub mod gnss;
 pub mod led;
 pub mod mavlink;
 pub mod paper;
+mod receiver;
 pub mod status;

@@ -12,12 +12,13 @@ use defmt::{Format, Formatter};
 use embassy_time::{Duration, Ticker};
 use utc_clock::{ClockState, Reading, Source, calendar};
 
+use crate::clock;
 use crate::drivers::card::CardErrors;
 use crate::drivers::time;
+use crate::reports::{CARD, GNSS, GnssReport, MAVLINK, MavlinkReport};
 use crate::settings::VARIANT;
-use crate::shared::{self, CARD, GNSS, GnssReport, MAVLINK, MavlinkReport};
 
-/// Runs for ever, on the patient executor.
+/// Runs forever, on the low executor.
 #[embassy_executor::task]
 pub async fn run() {
     let mut beat = Ticker::every(Duration::from_secs(1));
@@ -28,7 +29,7 @@ pub async fn run() {
 }
 
 fn log() {
-    let reading = shared::reading_at(time::now());
+    let reading = clock::reading_at(time::now());
     let gnss = GNSS.get();
     let mavlink = MAVLINK.get();
     let clock = gnss.map(|report| report.clock).unwrap_or_default();
@@ -88,11 +89,11 @@ struct Gnss(Option<GnssReport>);
 impl Format for Gnss {
     fn format(&self, f: Formatter) {
         let Some(report) = self.0 else { return };
-        nonzero!(f, report.link, "gps_": bad_checksums, truncated, refused, false_lengths,
+        nonzero!(f, report.receiver.link, "gps_": bad_checksums, truncated, refused, false_lengths,
             other_messages, lone_syncs, nmea_starts, foreign_bytes);
-        nonzero!(f, report.session, "cfg_": rounds, attempts, accepted, refused, unanswered);
-        nonzero!(f, report.edges, "edges_": told, followed, queue_full);
-        nonzero!(f, report.line, "gps_": overrun, framing, noise, incoming_full, outgoing_full);
+        nonzero!(f, report.receiver.session, "cfg_": rounds, attempts, accepted, refused, unanswered);
+        nonzero!(f, report.edges, "edges_": queued, followed, queue_full);
+        nonzero!(f, report.receiver.line, "gps_": overrun, framing, noise, incoming_full, outgoing_full);
     }
 }
 

@@ -30,7 +30,7 @@ use world::WorldNanos;
 use crate::run::Pixhawk;
 
 /// The statics that the firmware keeps its time in.
-const TIME_LINE: &str = "firmware::shared::CLOCK";
+const TIME_LINE: &str = "firmware::clock::CLOCK";
 const ANCHOR: &str = "firmware::drivers::time::WORDS";
 /// TIM5's counter (RM0090 2.3, 18.4.10), which counts every second core cycle.
 const WITNESS: u64 = 0x4000_0C00 + 0x24;

@@ -1,24 +1,22 @@
-//! What the MAVLink node is asked for beside the time: its parameters and the log.
-//!
-//! *Design.* Settings as they were built in; the rest is looked up when it is asked for.
+//! What the node looks up: parameters, and the file of the log.
 
 use mavlink_node::{LogFile, Parameter, Parameters};
 use sample_log::csv;
 use utc_clock::Source;
 
+use crate::reports::GNSS;
 use crate::samples::SAMPLES;
-use crate::settings;
-use crate::shared::GNSS;
+use crate::settings::{GPS_BAUD, VARIANT};
 
-/// This board's.
-pub struct Board;
+/// The board that this image runs on.
+pub struct ThisBoard;
 
-impl Parameters for Board {
+impl Parameters for ThisBoard {
     fn parameter(&self, parameter: Parameter) -> f32 {
         let value = match parameter {
-            Parameter::Variant => settings::VARIANT.number(),
-            Parameter::TickUs => settings::VARIANT.tick_us(),
-            Parameter::GpsBaud => settings::GPS_BAUD,
+            Parameter::Variant => VARIANT.number(),
+            Parameter::TickUs => VARIANT.tick_us(),
+            Parameter::GpsBaud => GPS_BAUD,
             Parameter::Source => match GNSS.get().map(|report| report.source) {
                 None | Some(Source::Nothing) => 0,
                 Some(Source::Message) => 1,
@@ -32,7 +30,7 @@ impl Parameters for Board {
     }
 }
 
-impl LogFile for Board {
+impl LogFile for ThisBoard {
     fn log_len(&self) -> u32 {
         csv::file_len(SAMPLES.len())
     }

@@ -1,27 +1,23 @@
-//! The memory for a test's samples, where nothing else wants to be.
+//! The memory for a test's samples: what nothing else uses.
 //!
 //! *Design.* On the Pixhawk the CCM, which no DMA reaches, and the upper 64 KB of SRAM, which QEMU
 //! does not have: 8 192 samples. QEMU's board has 1 024 in ordinary RAM. The linker's start-up code
-//! knows nothing of these sections, so they are cleared here.
+//! does not initialize these sections, so they are cleared here.
 //!
-//! *Limits.* The CCM has a clock, which is on after a reset (RM0090, RCC_AHB1ENR) and which no
-//! bootloader has a reason to stop.
+//! *Limits.* The CCM needs a clock. It is on after a reset (RM0090, RCC_AHB1ENR), and no bootloader
+//! has a reason to stop it.
 
 use core::mem::MaybeUninit;
 use core::slice;
 
 use sample_log::{Record, SampleLog};
 
-/// Records in the first piece of memory, and in the second.
-#[cfg(feature = "pixhawk1")]
-const ROOM: (usize, usize) = (4_096, 4_096);
-#[cfg(feature = "qemu")]
-const ROOM: (usize, usize) = (1_024, 0);
+use crate::board::SAMPLE_ROOM;
 
 #[cfg_attr(feature = "pixhawk1", unsafe(link_section = ".ccm.samples"))]
-static mut OLDER: MaybeUninit<[Record; ROOM.0]> = MaybeUninit::uninit();
+static mut OLDER: MaybeUninit<[Record; SAMPLE_ROOM.0]> = MaybeUninit::uninit();
 #[cfg_attr(feature = "pixhawk1", unsafe(link_section = ".sram3.samples"))]
-static mut NEWER: MaybeUninit<[Record; ROOM.1]> = MaybeUninit::uninit();
+static mut NEWER: MaybeUninit<[Record; SAMPLE_ROOM.1]> = MaybeUninit::uninit();
 
 /// The empty log.
 ///
@@ -29,19 +25,19 @@ static mut NEWER: MaybeUninit<[Record; ROOM.1]> = MaybeUninit::uninit();
 ///
 /// To be called once.
 pub unsafe fn samples() -> SampleLog<'static> {
-    // SAFETY: both are named nowhere else, and this is called once.
+    // SAFETY: no other code names these two, and this is called once.
     unsafe { SampleLog::new(cleared(&raw mut OLDER), cleared(&raw mut NEWER)) }
 }
 
 /// # Safety
 ///
-/// `memory` is nobody else's, from now on for ever.
+/// No other code uses `memory`, from now on.
 unsafe fn cleared<const N: usize>(memory: *mut MaybeUninit<[Record; N]>) -> &'static mut [Record] {
     let first = memory.cast::<Record>();
     for index in 0..N {
-        // SAFETY: within the array, which is ours.
+        // SAFETY: the place is within the array, which only this function uses.
         unsafe { first.add(index).write(Record::EMPTY) };
     }
-    // SAFETY: each record has just been written, and the array is ours for ever.
+    // SAFETY: every record has just been written, and the caller is the only one to have them.
     unsafe { slice::from_raw_parts_mut(first, N) }
 }

@@ -1,0 +1,51 @@
+//! What happens to the clock and to the log of a test, for the people at a ground station.
+//!
+//! | queue | filled by | drained by | when full |
+//! |---|---|---|---|
+//! | events, 4 | the GNSS task at sets, steps and changes of the source; the MAVLink task and thread level with what becomes of a log | the MAVLink task, each second | the newest is dropped |
+
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::channel::Channel;
+
+use crate::not_saved::NotSaved;
+
+static EVENTS: Channel<CriticalSectionRawMutex, ClockEvent, 4> = Channel::new();
+
+/// What a person at a ground station is to know.
+#[derive(Clone, Copy)]
+pub enum ClockEvent {
+    /// The clock was set.
+    Set,
+    /// The clock stepped.
+    Stepped {
+        /// What was added to it. [ns]
+        by_ns: i64,
+    },
+    /// The pulse steers the clock.
+    PulseFollowed,
+    /// The pulse does not steer the clock any more.
+    PulseLost,
+    /// The log of a test has no more room.
+    LogFull,
+    /// The log of a test is on the card.
+    Saved {
+        /// The number in the file's name.
+        file: u16,
+        /// Samples in it.
+        samples: u32,
+    },
+    /// The log of a test is not on the card; it still is in memory.
+    NotSaved(NotSaved),
+}
+
+/// Puts an event into the queue.
+pub fn push(event: ClockEvent) {
+    // The queue is full when more than four events happen within a second. What is dropped then is
+    // still in the log or in a counter.
+    let _ = EVENTS.try_send(event);
+}
+
+/// The oldest event in the queue.
+pub fn poll() -> Option<ClockEvent> {
+    EVENTS.try_receive().ok()
+}

@@ -1,0 +1,47 @@
+//! The amber LED: PE12, lit when low.
+
+use stm32f4xx_hal::gpio::{OpenDrain, Output, PE12, PinState};
+use stm32f4xx_hal::pac::{GPIOE, RCC};
+
+/// The pin's bit in ODR.
+const ODR12: u32 = 1 << 12;
+
+/// The LED, of which there is one.
+pub struct Led(PE12<Output<OpenDrain>>);
+
+impl Led {
+    /// The LED, dark.
+    pub fn new(pin: PE12) -> Self {
+        Self(pin.into_open_drain_output_in_state(PinState::High))
+    }
+
+    /// Lights it, or not.
+    pub fn set_lit(&mut self, is_lit: bool) {
+        self.0.set_state(if is_lit {
+            PinState::Low
+        } else {
+            PinState::High
+        });
+    }
+}
+
+/// Changes the LED at each call of the function that it returns, whatever state the board is in.
+///
+/// # Safety
+///
+/// No other code runs any more.
+pub unsafe fn seize() -> impl FnMut() {
+    // SAFETY: the registers have no other user, by the contract. The pin is made an output because a
+    // fault may come before the board is up.
+    let gpioe = unsafe {
+        (*RCC::ptr()).ahb1enr().modify(|_, w| w.gpioeen().enabled());
+        &*GPIOE::ptr()
+    };
+    gpioe.moder().modify(|_, w| w.moder12().output());
+    move || {
+        // SAFETY: as above; one bit changes.
+        gpioe
+            .odr()
+            .modify(|r, w| unsafe { w.bits(r.bits() ^ ODR12) });
+    }
+}

@@ -1,0 +1,48 @@
+//! The two executors, each in an interrupt of a peripheral that this firmware does not use: the camera
+//! interface and the second CAN.
+//!
+//! *Design.* The high one runs what must be prompt: the GNSS and the MAVLink task. The low one runs
+//! what may take its time: the LED and the status line. So the first two never wait for the others.
+
+use embassy_executor::{InterruptExecutor, SendSpawner, SpawnError, SpawnToken};
+use stm32f4xx_hal::pac::{Interrupt, interrupt};
+
+/// The interrupt of the high executor, at [`priorities::EXECUTOR_HIGH`](crate::priorities::EXECUTOR_HIGH).
+pub const HIGH_INTERRUPT: Interrupt = Interrupt::DCMI;
+
+/// The interrupt of the low executor, at [`priorities::EXECUTOR_LOW`](crate::priorities::EXECUTOR_LOW).
+pub const LOW_INTERRUPT: Interrupt = Interrupt::CAN2_TX;
+
+static HIGH: InterruptExecutor = InterruptExecutor::new();
+static LOW: InterruptExecutor = InterruptExecutor::new();
+
+/// Starts the high executor.
+pub fn start_high() -> SendSpawner {
+    HIGH.start(HIGH_INTERRUPT)
+}
+
+/// Starts the low executor.
+pub fn start_low() -> SendSpawner {
+    LOW.start(LOW_INTERRUPT)
+}
+
+/// Starts a task on `executor`. Panics when the task runs already.
+#[inline(always)]
+pub fn spawn<S: Send>(executor: &SendSpawner, task: Result<SpawnToken<S>, SpawnError>) {
+    match task {
+        Ok(task) => executor.spawn(task),
+        Err(_) => defmt::panic!("a task was started twice"),
+    }
+}
+
+#[interrupt]
+fn DCMI() {
+    // SAFETY: this is the executor's one handler, and `start` enables it.
+    unsafe { HIGH.on_interrupt() }
+}
+
+#[interrupt]
+fn CAN2_TX() {
+    // SAFETY: this is the executor's one handler, and `start` enables it.
+    unsafe { LOW.on_interrupt() }
+}

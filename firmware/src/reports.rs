@@ -1,0 +1,62 @@
+//! What the tasks and the card have counted, for the status line.
+//!
+//! | report | written by | read by | when full |
+//! |---|---|---|---|
+//! | [`GNSS`] | the GNSS task, each second | the status line and the MAVLink task, each second | the new report replaces the old |
+//! | [`MAVLINK`] | the MAVLink task, each second | the status line | the same |
+//! | [`CARD`] | thread level, after each use of the card | the status line | the same |
+
+use timebase::{Cycles, Fix};
+use ubx_link::{LinkCounters, SessionCounters};
+use utc_clock::{Counters, Ppb, Source};
+
+use crate::drivers::card::CardErrors;
+use crate::drivers::pulse::EdgeCounters;
+use crate::drivers::uart::LineErrors;
+use crate::latest::Latest;
+
+/// The last report of the GNSS task.
+pub static GNSS: Latest<GnssReport> = Latest::new();
+
+/// The last report of the MAVLink task.
+pub static MAVLINK: Latest<MavlinkReport> = Latest::new();
+
+/// What has gone wrong with the card, as of its last use.
+pub static CARD: Latest<CardErrors> = Latest::new();
+
+/// What the GNSS task has counted and seen.
+#[derive(Clone, Copy)]
+pub struct GnssReport {
+    /// What came from the receiver.
+    pub receiver: ReceiverReport,
+    /// Marks and what became of them.
+    pub clock: Counters,
+    /// What steers the clock.
+    pub source: Source,
+    /// How much faster than the crystal the clock runs.
+    pub frequency: Ppb,
+    /// Edges on the pulse's wire.
+    pub edges: EdgeCounters,
+}
+
+/// What came over the receiver's line.
+#[derive(Clone, Copy)]
+pub struct ReceiverReport {
+    /// Bytes and frames.
+    pub link: LinkCounters,
+    /// The receiver's configuration.
+    pub session: SessionCounters,
+    /// Errors of the line itself.
+    pub line: LineErrors,
+    /// The last solution, and when it arrived.
+    pub fix: Option<(Cycles, Fix)>,
+}
+
+/// What the MAVLink task has counted.
+#[derive(Clone, Copy)]
+pub struct MavlinkReport {
+    /// Frames and requests.
+    pub node: mavlink_node::Counters,
+    /// Errors of the line itself.
+    pub line: LineErrors,
+}

@@ -1,0 +1,93 @@
+//! The MAVLink task: requests in, answers and broadcasts out.
+//!
+//! *Design.* Answers go into the outgoing ring at once. What takes many frames, the parameters and
+//! the log, follows at the line's own pace: a frame only while the ring is nearly empty, so that
+//! there is room for the answers to all requests that can come in meanwhile.
+
+mod broadcast;
+mod lookup;
+mod requests;
+mod words;
+
+use core::future::pending;
+
+use embassy_futures::select::{Either3, select3};
+use embassy_time::{Duration, Ticker, Timer};
+use mavlink_node::{Config, Node, PingReply};
+use timebase::StampedByte;
+
+use crate::drivers::time;
+use crate::drivers::uart::{INCOMING, Reader, Writer};
+use crate::reports::{MAVLINK, MavlinkReport};
+use crate::settings;
+use crate::system_id::system_id;
+use lookup::ThisBoard;
+
+/// With this many bytes or fewer in the outgoing ring, the next frame of a long answer may follow:
+/// they last 5.5 ms at 115200. 173 bytes at most wait then, of 1023. The rest has room for an answer
+/// to each request in a full incoming ring (19, of 26 bytes each) and for a second's broadcasts.
+const NEXT_BELOW: usize = 64;
+
+/// From look to look at the outgoing ring, less than these bytes last.
+const PACE: Duration = Duration::from_millis(5);
+
+/// Runs forever, on the high executor.
+#[embassy_executor::task]
+pub async fn run(line: (Reader, Writer)) {
+    let (mut reader, mut writer) = line;
+    let mut node = Node::new(Config {
+        system_id: system_id(),
+        component_id: 1,
+        ping_reply: if settings::PING_ECHO {
+            PingReply::Echo
+        } else {
+            PingReply::RtosTime
+        },
+    });
+    let mut batch = [StampedByte::default(); INCOMING];
+    let mut beat = Ticker::every(Duration::from_secs(1));
+    loop {
+        let has_more = node.has_more();
+        let pace = async move {
+            if has_more {
+                Timer::after(PACE).await;
+            } else {
+                pending::<()>().await;
+            }
+        };
+        let woken = select3(reader.wait(), beat.next(), pace).await;
+        if matches!(woken, Either3::Second(())) {
+            broadcast::once_a_second(&mut node, &mut writer);
+            MAVLINK.set(MavlinkReport {
+                node: node.counters(),
+                line: reader.errors(),
+            });
+        }
+        let now = time::now();
+        for &byte in take(&mut reader, &mut batch) {
+            if let Some(request) = node.push(byte, now) {
+                requests::serve(&mut node, &mut writer, &request);
+            }
+        }
+        while node.has_more()
+            && writer.waiting() <= NEXT_BELOW
+            && let Some(frame) = node.poll(&ThisBoard)
+        {
+            writer.send(&frame);
+        }
+    }
+}
+
+/// Copies the bytes that are there, because the ring may be held for no longer than that takes.
+#[inline(always)]
+fn take<'a>(reader: &mut Reader, batch: &'a mut [StampedByte; INCOMING]) -> &'a [StampedByte] {
+    let mut len = 0;
+    reader.take(|bytes| {
+        let end = len + bytes.len();
+        if let Some(free) = batch.get_mut(len..end) {
+            free.copy_from_slice(bytes);
+            len = end;
+        }
+    });
+    batch.get(..len).unwrap_or_default()
+}

@@ -1,0 +1,70 @@
+//! Events in words, for STATUSTEXT.
+//!
+//! *Limits.* A STATUSTEXT holds 50 characters; the longest text here is shorter.
+
+use heapless::{String, Vec};
+use mavlink_node::Severity;
+use timebase::divide;
+
+use crate::clock_events::ClockEvent;
+use crate::not_saved::NotSaved;
+
+type Text = String<50>;
+
+/// How severe an event is, and what is said of it.
+pub fn statustext(event: ClockEvent) -> (Severity, Text) {
+    let mut text = Text::new();
+    let (severity, before, number, behind) = match event {
+        ClockEvent::Set => (Severity::Notice, "clock set", None, ""),
+        ClockEvent::Stepped { by_ns } => {
+            (Severity::Warning, "clock stepped by ", Some(by_ns), " ns")
+        }
+        ClockEvent::PulseFollowed => (Severity::Notice, "clock follows the pulse", None, ""),
+        ClockEvent::PulseLost => (Severity::Warning, "clock lost the pulse", None, ""),
+        ClockEvent::LogFull => (Severity::Warning, "log full", None, ""),
+        ClockEvent::Saved { file, samples } => {
+            push_number(&mut text, samples.into());
+            let behind = " samples saved to the card, file ";
+            (Severity::Notice, behind, Some(file.into()), "")
+        }
+        ClockEvent::NotSaved(why) => (Severity::Warning, "log not saved: ", None, reason(why)),
+    };
+    // All of it fits.
+    let _ = text.push_str(before);
+    if let Some(number) = number {
+        push_number(&mut text, number);
+    }
+    let _ = text.push_str(behind);
+    (severity, text)
+}
+
+fn reason(why: NotSaved) -> &'static str {
+    match why {
+        NotSaved::NoSlot => "this board has no card slot",
+        NotSaved::NoCard => "no card in the slot",
+        NotSaved::NotFat => "format the card as FAT32",
+        NotSaved::WriteProtected => "the card is write-protected",
+        NotSaved::Full => "the card is full",
+        NotSaved::Pulled => "the card was pulled",
+        NotSaved::Failed => "the card fails",
+        NotSaved::Cleared => "a new test has begun",
+    }
+}
+
+/// Writes a number by hand: `core::fmt` would bring 2 KB for this one.
+fn push_number(text: &mut Text, number: i64) {
+    let mut digits = Vec::<u8, 20>::new();
+    let mut rest = number.unsigned_abs();
+    while rest > 0 || digits.is_empty() {
+        let tens = divide::<10>(rest);
+        // 2⁶⁴ has 20 digits.
+        let _ = digits.push(b'0' + (rest - tens * 10) as u8);
+        rest = tens;
+    }
+    if number < 0 {
+        let _ = text.push('-');
+    }
+    for digit in digits.iter().rev() {
+        let _ = text.push(char::from(*digit));
+    }
+}

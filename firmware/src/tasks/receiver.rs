@@ -1,0 +1,104 @@
+//! The receiver's line and its configuration: what the GNSS tasks of all variants share.
+//!
+//! *Design.* [`Receiver`] has everything between the line and the clock, so that the receiver is
+//! configured alike, and sends the same, in every variant. When to read the line, and what to do
+//! with a mark, is up to the task.
+
+use embassy_time::Instant;
+use timebase::{CORE_HZ, Cycles, Fix};
+use ubx_link::{Event, Link};
+
+use super::configuration::Configuration;
+use crate::drivers::uart::{INCOMING, Reader, Writer};
+use crate::reports::ReceiverReport;
+
+/// From report to report, in cycles: 1 s.
+pub const REPORT_EVERY: u64 = CORE_HZ as u64;
+
+// `take` must find room for all that the ring holds.
+const _: () = assert!(INCOMING <= Link::ROOM);
+
+/// The state machines that the receiver's bytes go through, with the ends of its line.
+pub struct Receiver {
+    reader: Reader,
+    writer: Writer,
+    link: Link,
+    configuration: Configuration,
+    /// The last solution, and when it arrived.
+    fix: Option<(Cycles, Fix)>,
+}
+
+impl Receiver {
+    /// The receiver at that line, not configured yet.
+    pub fn new((reader, writer): (Reader, Writer)) -> Self {
+        Self {
+            reader,
+            writer,
+            link: Link::new(),
+            configuration: Configuration::new(),
+            fix: None,
+        }
+    }
+
+    /// Waits until bytes are there.
+    pub async fn wait(&mut self) {
+        self.reader.wait().await;
+    }
+
+    /// The number of bytes that are there.
+    pub fn waiting(&self) -> usize {
+        self.reader.waiting()
+    }
+
+    /// Takes the bytes that are there. After that, [`Self::poll`] until it returns `None`.
+    pub fn take(&mut self) {
+        self.reader.take(|bytes| {
+            self.link.push(bytes);
+        });
+    }
+
+    /// The next message in the bytes that were taken.
+    #[inline]
+    pub fn poll(&mut self, now: Cycles) -> Option<Event> {
+        let event = self.link.poll(now)?;
+        self.configuration.handle_event(now, &event);
+        if let Event::NavPvt { mark, fix } = &event {
+            self.fix = Some((mark.arrival, *fix));
+        }
+        Some(event)
+    }
+
+    /// Sets whether the receiver is to forecast its pulse. Before [`Self::configure`].
+    pub const fn handle_forecasts_wanted(&mut self, wanted: bool) {
+        self.configuration.handle_forecasts_wanted(wanted);
+    }
+
+    /// Goes on with the receiver's configuration.
+    pub fn configure(&mut self, now: Cycles) {
+        self.configuration.drive(&mut self.writer, now);
+    }
+
+    /// When to call [`Self::poll`] and [`Self::configure`] again if no byte comes.
+    pub fn poll_timeout(&self, now: Cycles) -> Option<Cycles> {
+        let timeouts = [
+            self.configuration.poll_timeout(now),
+            self.link.poll_timeout(now),
+        ];
+        timeouts.into_iter().flatten().min()
+    }
+
+    /// What came over the line so far.
+    pub fn report(&self) -> ReceiverReport {
+        ReceiverReport {
+            link: self.link.counters(),
+            session: self.configuration.counters(),
+            line: self.reader.errors(),
+            fix: self.fix,
+        }
+    }
+}
+
+/// The first of embassy's µs that is not earlier than `time`.
+pub fn first_instant_after(time: Cycles) -> Instant {
+    Instant::from_micros(time.as_micros().saturating_add(1))
+}

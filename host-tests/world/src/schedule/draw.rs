@@ -34,6 +34,8 @@ const EVENT_ONE_IN: u32 = 12;
 /// Around a leap second no count and no label is wrong, in s.
 const EVENT_ALONE_S: f64 = 130.0;
 const DAY_S: i64 = 86_400;
+/// A receiver that says nothing for so long has started anew, in s.
+const SEEN_SILENCE_S: f64 = 5.0;
 /// Attempts at a fault that keeps the rules.
 const ATTEMPTS: usize = 200;
 
@@ -211,6 +213,8 @@ impl Schedule {
     ///   alone, which must not be held back or missing.
     /// - Wrong labels stand for less than 300 s: after that they are the reason to start
     ///   anew.
+    /// - Restarts do not overlap, and one with another leap count shows: it is silent for 5 s,
+    ///   or the clock has been set.
     /// - A leap second is told by the count alone: around it, no label and no count is wrong.
     /// - The floor stays between 5 and 145 ms.
     #[must_use]
@@ -242,6 +246,7 @@ impl Schedule {
             && shifts_ok
             && drifts_ok
             && self.once_each()
+            && self.restarts_ok()
             && self.event_alone()
             && self.floor_stays()
     }
@@ -254,6 +259,30 @@ impl Schedule {
         count(|kind| matches!(kind, FaultKind::LeapUnresolved { .. })) <= 1
             && count(|kind| matches!(kind, FaultKind::FirstMarks { .. })) <= 1
             && count(|kind| matches!(kind, FaultKind::Lag { rise_s: 0.0, .. })) <= 1
+    }
+
+    /// Restarts are apart, for two wrong dates can add up to one that is believed; and one
+    /// with another count is seen: by the clock, which has been set, or by its silence.
+    fn restarts_ok(&self) -> bool {
+        let restarts: Vec<_> = self
+            .faults
+            .iter()
+            .filter_map(|fault| match fault.kind {
+                FaultKind::Restart { silent_s, lie, .. } => Some((fault, silent_s, lie)),
+                _ => None,
+            })
+            .collect();
+        let are_apart = restarts.iter().enumerate().all(|(number, (one, ..))| {
+            restarts[number + 1..]
+                .iter()
+                .all(|(next, ..)| next.until_s <= one.from_s || one.until_s <= next.from_s)
+        });
+        let are_seen = restarts.iter().all(|(fault, silent_s, lie)| {
+            !matches!(lie, RestartLie::Count { .. })
+                || *silent_s >= SEEN_SILENCE_S
+                || self.settled_from(SETTLED_S) + SETTLED_S <= fault.from_s
+        });
+        are_apart && are_seen
     }
 
     fn event_alone(&self) -> bool {

@@ -5,19 +5,15 @@
 //! last tick before a task asks for it, so there every moment becomes that tick.
 
 use mavlink_node::NodeTime;
-use paper_clock::BaseTime;
 use timebase::{ClockState, Cycles};
 use utc_clock::{Published, Reading};
 
+use crate::base_time;
 use crate::drivers::time;
-use crate::latest::Latest;
 use crate::settings::VARIANT;
 
 /// The clock. Nothing writes to it in the paper's variants.
 pub static CLOCK: Published = Published::new();
-
-/// What the paper's clock was set to last. Nothing writes to it in pixclock's variant.
-pub static BASE_TIME: Latest<BaseTime> = Latest::new();
 
 /// The clock at `when`.
 #[inline]
@@ -56,7 +52,7 @@ fn moment(when: Cycles) -> Cycles {
 #[inline(always)]
 fn read(moment: Cycles) -> Reading {
     if VARIANT.is_papers() {
-        BASE_TIME.get().unwrap_or_default().reading_at(moment)
+        base_time::get().reading_at(moment)
     } else {
         CLOCK.reading_at(moment)
     }

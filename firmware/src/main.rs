@@ -12,6 +12,8 @@
 //! passes there too.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
+#[cfg(target_os = "none")]
+mod base_time;
 #[cfg(all(target_os = "none", feature = "bench"))]
 mod bench;
 #[cfg(target_os = "none")]

@@ -19,7 +19,7 @@ use utc_clock::Ppb;
 use variant::Variant;
 
 use super::receiver::{REPORT_EVERY, Receiver, first_instant_after};
-use crate::clock::BASE_TIME;
+use crate::base_time;
 use crate::clock_events::{self, ClockEvent};
 use crate::drivers::pulse::EdgeCounters;
 use crate::drivers::time;
@@ -71,7 +71,7 @@ pub async fn run(line: (Reader, Writer)) {
 /// Sets the clock to a mark.
 fn set(clock: &mut PaperClock, mark: &TimeMark) {
     let outcome = clock.handle_mark(mark, time::last_tick());
-    BASE_TIME.set(clock.base_time());
+    base_time::set(clock.base_time());
     if outcome == Outcome::Set {
         defmt::info!("the clock is set");
         clock_events::push(ClockEvent::Set);

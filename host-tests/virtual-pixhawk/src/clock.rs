@@ -4,12 +4,12 @@
 //! moment that is known to the nanosecond, without the rounding and the way of a
 //! MAVLink answer.
 //!
-//! *Design.* What the firmware publishes for its own readers is in two statics: the
-//! time line (`CLOCK`, words in the layout of [`Published`]) and the anchor of its
-//! time since boot (`WORDS`, in the order of [`timebase::tick::Word`]). The witness
-//! of that anchor, TIM5, is looked at in the emulator, without the side effects of a
-//! read. Cycles since boot are the anchor and what the witness has counted since;
-//! the time line is then read by the firmware's own code.
+//! *Design.* What the firmware publishes for its own readers is in statics: the
+//! timeline (`CLOCK`, words in the layout of [`Published`]), in the paper's variants the
+//! base time in its place, and the anchor of the time since boot (`WORDS`, in the order of
+//! [`timebase::tick::Word`]). The witness of that anchor, TIM5, is read in the emulator,
+//! without the side effects of a read. Cycles since boot are the anchor and what the
+//! witness has counted since; the clock is then read by the firmware's own code.
 //!
 //! *Limits.* TIM5 counts every second cycle and was started beside SysTick with a
 //! uncertainty of as much, so a reading is good to 4 cycles, 24 ns. A board that stands in
@@ -20,6 +20,7 @@ use std::cell::Cell;
 use std::sync::atomic::AtomicU32;
 
 use anyhow::ensure;
+use paper_clock::BaseTime;
 use rigless::mcu::Operate as _;
 use rigless::soc::Width;
 use timebase::Cycles;
@@ -29,8 +30,11 @@ use world::WorldNanos;
 
 use crate::run::Pixhawk;
 
-/// The statics that the firmware keeps its time in.
-const TIME_LINE: &str = "firmware::clock::CLOCK";
+/// The firmware's clock, a [`Published`].
+const TIMELINE: &str = "firmware::clock::CLOCK";
+/// The clock of the paper's variants, the words of a [`BaseTime`].
+const BASE_TIME: &str = "firmware::base_time::BASE_TIME";
+/// The words of the time since boot.
 const ANCHOR: &str = "firmware::drivers::time::WORDS";
 /// TIM5's counter (RM0090 2.3, 18.4.10), which counts every second core cycle.
 const WITNESS: u64 = 0x4000_0C00 + 0x24;
@@ -73,7 +77,7 @@ impl Pixhawk {
                 return Ok(ClockReading {
                     at: self.now(),
                     cycles,
-                    reading: self.time_line()?.reading_at(cycles),
+                    reading: self.reading_at(cycles)?,
                 });
             }
             before = cycles;
@@ -116,11 +120,22 @@ impl Pixhawk {
         Ok(value as u32)
     }
 
-    fn time_line(&mut self) -> anyhow::Result<Published> {
-        let words = self.words(TIME_LINE)?;
+    fn reading_at(&mut self, cycles: Cycles) -> anyhow::Result<Reading> {
+        let Ok(words) = self.words(BASE_TIME) else {
+            // An image of pixclock's variant has no such static.
+            return Ok(self.timeline()?.reading_at(cycles));
+        };
+        let words = words
+            .try_into()
+            .map_err(|_| anyhow::anyhow!("{BASE_TIME} has other words than expected"))?;
+        Ok(BaseTime::from_words(words).reading_at(cycles))
+    }
+
+    fn timeline(&mut self) -> anyhow::Result<Published> {
+        let words = self.words(TIMELINE)?;
         ensure!(
             words.len() * 4 == size_of::<Published>(),
-            "{TIME_LINE} is not of the size of this program's"
+            "{TIMELINE} is not of the size of this program's"
         );
         // `over` asks for each word in the order of the layout.
         let next = Cell::new(0);

@@ -77,6 +77,29 @@ impl BaseTime {
         }
     }
 
+    /// It as words, in which it can be shared; all are 0 before the first mark.
+    #[must_use]
+    pub const fn words(&self) -> [u32; 5] {
+        [
+            self.at.0 as u32,
+            (self.at.0 >> 32) as u32,
+            self.utc.0 as u32,
+            (self.utc.0 >> 32) as u32,
+            self.is_set as u32 | (self.leap_seconds_known as u32) << 1,
+        ]
+    }
+
+    /// The base time that [`Self::words`] are of.
+    #[must_use]
+    pub const fn from_words([at_low, at_high, utc_low, utc_high, flags]: [u32; 5]) -> Self {
+        Self {
+            at: Cycles(at_low as u64 | (at_high as u64) << 32),
+            utc: UtcNanos((utc_low as u64 | (utc_high as u64) << 32).cast_signed()),
+            is_set: flags & 1 != 0,
+            leap_seconds_known: flags & 2 != 0,
+        }
+    }
+
     const fn utc_at(&self, tick: Cycles) -> UtcNanos {
         let cycles = tick.since(self.at);
         // A tick is a whole number of µs, and so are these.
@@ -260,6 +283,20 @@ mod tests {
                 let elapsed_ns = elapsed_us.cast_signed() * 1_000;
                 assert_eq!(base.reading_at(when).utc, FOUR.plus_nanos(elapsed_ns));
             }
+        }
+    }
+
+    #[test]
+    fn a_base_time_is_the_same_after_it_was_words() {
+        let mut clock = PaperClock::new();
+        assert_eq!(clock.base_time().words(), [0; 5]);
+        for at in [Cycles(50 * MS), Cycles(u64::MAX / 3)] {
+            clock.handle_mark(&mark(123_456_789), at);
+            let base = clock.base_time();
+            assert_eq!(BaseTime::from_words(base.words()), base);
+            clock.handle_mark(&mark(-1), at);
+            let base = clock.base_time();
+            assert_eq!(BaseTime::from_words(base.words()), base);
         }
     }
 

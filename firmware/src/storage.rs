@@ -7,7 +7,6 @@
 use card_file::{BLOCK, Disk, DiskError};
 use sample_log::csv;
 use timebase::{CivilTime, ClockState, Cycles};
-use utc_clock::calendar;
 
 use crate::clock_events::{self, ClockEvent};
 use crate::drivers::card::{Card, CardError};
@@ -79,7 +78,7 @@ fn utc() -> Option<CivilTime> {
     let reading = clock::reading_at(time::now());
     match reading.state {
         ClockState::Unset => None,
-        ClockState::Set | ClockState::Holdover => calendar::from_utc(reading.utc),
+        ClockState::Set | ClockState::Holdover => reading.utc.to_civil(),
     }
 }
 

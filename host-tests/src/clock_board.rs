@@ -12,7 +12,7 @@
 //! be worse than knowing nothing about the crystal, but for a margin.
 //!
 //! *Limits.* One reader; what several priorities do to each other is visited in
-//! `clock_published`.
+//! utc-clock's `published/preemption.rs`.
 #![expect(
     clippy::missing_panics_doc,
     reason = "a panic is how the referee whistles"
@@ -20,7 +20,6 @@
 
 use comparison::board::good_mark;
 use timebase::{CORE_HZ, CivilTime, Cycles, PulseForecast, PulseMark, TimeMark};
-use utc_clock::clock::LEAD;
 use utc_clock::{
     ClockState, Outcome, Published, PulseOutcome, Reading, Settings, UtcClock, UtcNanos,
 };
@@ -117,7 +116,7 @@ impl<'a> Board<'a> {
             step: Step::No,
         };
         Self {
-            clock: UtcClock::new(settings, line),
+            clock: UtcClock::new(settings, line.take_writer().expect("a line of its own")),
             line,
             now_ns: 0,
             read_every_ns: 10 * MS,
@@ -246,7 +245,7 @@ impl<'a> Board<'a> {
 
     /// Until a new course holds.
     pub fn pass_lead(&mut self) {
-        let lead = i64::try_from(LEAD).expect("1 ms") * SECOND / i64::from(CORE_HZ);
+        let lead = i64::try_from(UtcClock::LEAD).expect("1 ms") * SECOND / i64::from(CORE_HZ);
         self.pass_until(self.now_ns + 2 * lead);
     }
 
@@ -259,7 +258,7 @@ impl<'a> Board<'a> {
     /// Notes the course that the clock is on since the last call.
     fn note(&mut self, step: Step) {
         let course = Course {
-            at: self.clock.model().at(),
+            at: self.clock.course_begins(),
             frequency_ppb: self.clock.frequency().0,
             step,
         };

@@ -3,7 +3,7 @@
 use jiff::civil::{Date, date};
 use jiff::tz::TimeZone;
 use timebase::CivilTime;
-use utc_clock::{UtcNanos, calendar};
+use utc_clock::UtcNanos;
 
 fn fields(day: Date, second_of_day: u32, nano: i32) -> CivilTime {
     CivilTime {
@@ -43,18 +43,21 @@ fn every_day_there_and_back() {
         for (second, nano) in [(0, 0), (86_399, 999_999_999), (second, nano)] {
             let civil = fields(day, second, nano);
             let utc = UtcNanos(midnight + i64::from(second) * 1_000_000_000 + i64::from(nano));
-            assert_eq!(calendar::to_utc(&civil), Ok(utc), "{civil:?}");
-            assert_eq!(calendar::from_utc(utc), Some(civil));
+            assert_eq!(UtcNanos::from_civil(&civil), Ok(utc), "{civil:?}");
+            assert_eq!(utc.to_civil(), Some(civil));
         }
         // Rounded up to midnight by the receiver, and a leap second at its end.
         let early = fields(day, 0, -5_000_000);
-        assert_eq!(calendar::to_utc(&early), Ok(UtcNanos(midnight - 5_000_000)));
+        assert_eq!(
+            UtcNanos::from_civil(&early),
+            Ok(UtcNanos(midnight - 5_000_000))
+        );
         let leap = CivilTime {
             second: 60,
             ..fields(day, 86_399, 1)
         };
         let after = midnight + 86_400_000_000_001;
-        assert_eq!(calendar::to_utc(&leap), Ok(UtcNanos(after)));
+        assert_eq!(UtcNanos::from_civil(&leap), Ok(UtcNanos(after)));
     }
     assert_eq!(count, 121 * 365 + 30, "1980 to 2096 have 30 leap days");
 }
@@ -65,8 +68,8 @@ fn every_second_of_a_day_there_and_back() {
     for second in 0..86_400 {
         let civil = fields(day, second, 7);
         let utc = UtcNanos(unix_ns(day) + i64::from(second) * 1_000_000_000 + 7);
-        assert_eq!(calendar::to_utc(&civil), Ok(utc));
-        assert_eq!(calendar::from_utc(utc), Some(civil));
+        assert_eq!(UtcNanos::from_civil(&civil), Ok(utc));
+        assert_eq!(utc.to_civil(), Some(civil));
     }
 }
 
@@ -88,7 +91,7 @@ fn dates_are_refused_exactly_where_there_are_none() {
                     day,
                     ..fields(date(2000, 1, 1), 0, 0)
                 };
-                assert_eq!(calendar::to_utc(&civil).is_ok(), exists, "{civil:?}");
+                assert_eq!(UtcNanos::from_civil(&civil).is_ok(), exists, "{civil:?}");
             }
         }
     }

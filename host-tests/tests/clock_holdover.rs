@@ -9,8 +9,7 @@
 
 use host_tests::clock_board::{MS, SECOND, US};
 use host_tests::clock_scene::{Faults, Play, Scene, covered, worst_ns};
-use utc_clock::clock::MAX_SLEW;
-use utc_clock::{ClockState, Outcome, Ppb, Published, Settings, Source};
+use utc_clock::{ClockState, Outcome, Ppb, Published, Settings, Source, UtcClock};
 use world::{Latency, Ramp};
 
 const SEEDS: std::ops::Range<u64> = 400..405;
@@ -167,7 +166,7 @@ fn on_return_it_slews_and_never_steps() {
             let off = play.floor_error_ns();
             play.board.read_every_ns = 37_000_100;
             // What is left is slewed, and two windows find the floor again.
-            let end_s = back_s + off.abs() / i64::from(MAX_SLEW.0) + 240;
+            let end_s = back_s + off.abs() / i64::from(UtcClock::MAX_SLEW.0) + 240;
             play.until(end_s * SECOND);
             let (stepped, slewed) = since(&play, back_s);
             faults.unless(!stepped && slewed.is_some(), format!("{name}: {off} ns"));

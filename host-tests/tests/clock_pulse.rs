@@ -9,7 +9,6 @@
 
 use host_tests::clock_board::{MS, SECOND, START, US};
 use host_tests::clock_scene::{Faults, Play, Scene, at_s, covered, worst_ns};
-use utc_clock::pulse::CONFIRMING;
 use utc_clock::{Outcome, Published, PulseOutcome, PulseRefusal, Source};
 use world::{
     CrystalSettings, Latency, PulseFault, PulseFaultKind, PulseSettings, Ramp, ReceiverSettings,
@@ -77,14 +76,14 @@ fn it_locks_after_five_pulses_and_steps_forward_over_the_latency() {
         assert_eq!(play.board.clock.source(), Source::Message);
         let late = -play.board.error_ns();
         play.until((FROM_S + 5) * SECOND);
-        let (candidates, followed) = play.pulses.split_at(CONFIRMING.into());
+        let (candidates, followed) = play.pulses.split_at(5);
         let candidates = &candidates[..candidates.len() - 1];
         assert!(
             candidates
                 .iter()
                 .all(|(_, o)| *o == PulseOutcome::Candidate)
         );
-        let first = play.pulses[usize::from(CONFIRMING) - 1].1;
+        let first = play.pulses[4].1;
         let told = format!("seed {seed}: {late} ns late, {first:?}, {followed:?}");
         let is_over_it = match first {
             PulseOutcome::Stepped { by_ns } => (by_ns - late).abs() <= MS,

@@ -13,7 +13,6 @@ use comparison::spread::quantile;
 use comparison::trace::Trace;
 use host_tests::captures;
 use host_tests::clock_board::{Board, MS, SECOND};
-use utc_clock::gate::EARLIEST;
 use utc_clock::{Counters, Outcome, Published, Settings, UtcNanos};
 
 /// 3 653 days: what lifts a trace of 2015 over the earliest date.
@@ -92,7 +91,7 @@ fn a_real_stall_of_a_second_and_a_half_leaves_the_clock_where_it_was() {
     // Recorded before the earliest date that is believed.
     let refused = run(&rows).counters;
     assert_eq!(refused.too_old as usize, rows.len());
-    assert!(rows.iter().all(|(_, utc)| *utc < EARLIEST));
+    assert!(rows.iter().all(|(_, utc)| *utc < Settings::EARLIEST));
 
     let later: Vec<_> = rows
         .iter()

@@ -9,8 +9,7 @@
 
 use host_tests::clock_board::{MS, SECOND, US};
 use host_tests::clock_scene::{Faults, Play, Scene, at_s, worst_ns};
-use utc_clock::clock::MAX_SLEW;
-use utc_clock::{Counters, Outcome, Published, Refusal};
+use utc_clock::{Counters, Outcome, Published, Refusal, UtcClock};
 use world::{Latency, Stall, TimeFault, WorldNanos};
 
 const SEEDS: std::ops::Range<u64> = 300..305;
@@ -224,7 +223,7 @@ fn a_jump_of_a_fraction_of_a_second_never_moves_it_faster_than_a_slew() {
         let moved = worst_ns(play.since(THEN_S * SECOND));
         faults.unless(moved <= MAX_NS, format!("{name}: {moved} ns at once"));
         // Ten minutes to be sure that it is one, and what is left to slew.
-        let slewing_s = jump.abs() / i64::from(MAX_SLEW.0) + 1;
+        let slewing_s = jump.abs() / i64::from(UtcClock::MAX_SLEW.0) + 1;
         let end_s = THEN_S + slewing_s + 600;
         let frequency = play.frequency_until_ppb(end_s);
         play.pass_s(60);

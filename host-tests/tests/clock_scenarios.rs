@@ -8,9 +8,8 @@
 
 use host_tests::clock_board::{Board, MS, SECOND, START, leap_second, mark};
 use timebase::{CivilTime, TimeMark};
-use utc_clock::gate::EARLIEST;
 use utc_clock::{
-    CalendarError, ClockState, Counters, Outcome, Published, Refusal, Settings, UtcNanos, calendar,
+    CalendarError, ClockState, Counters, Outcome, Published, Refusal, Settings, UtcNanos,
 };
 
 const PERIOD: i64 = 200 * MS;
@@ -78,7 +77,7 @@ fn a_known_latency_is_taken_off() {
 #[test]
 fn a_leap_second_is_sat_out_and_then_stepped_over_in_the_open() {
     // 2026-12-31 does not have one; the receiver says it has.
-    let midnight = calendar::to_utc(&CivilTime {
+    let midnight = UtcNanos::from_civil(&CivilTime {
         year: 2027,
         month: 1,
         day: 1,
@@ -148,7 +147,7 @@ fn each_kind_of_bad_mark_is_counted_and_costs_no_good_one() {
             Refusal::Calendar(CalendarError::Second(61)),
         ),
         (
-            |m| m.epoch = calendar::from_utc(UtcNanos(EARLIEST.0 - 1)).unwrap(),
+            |m| m.epoch = UtcNanos(Settings::EARLIEST.0 - 1).to_civil().unwrap(),
             Refusal::TooOld,
         ),
         (

@@ -59,7 +59,7 @@ impl Gnss {
         Self {
             receiver: Receiver::new(line),
             pulse,
-            clock: UtcClock::new(settings, &CLOCK),
+            clock: UtcClock::new(settings, defmt::unwrap!(CLOCK.take_writer())),
             edge: None,
             source: Source::Nothing,
         }

@@ -10,7 +10,7 @@
 
 use defmt::{Format, Formatter};
 use embassy_time::{Duration, Ticker};
-use utc_clock::{ClockState, Reading, Source, calendar};
+use utc_clock::{ClockState, Reading};
 
 use crate::clock;
 use crate::drivers::card::CardErrors;
@@ -37,7 +37,7 @@ fn log() {
         "status variant={} state={} source={} utc={} unc_ns={=u32} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}{}",
         VARIANT,
         reading.state,
-        From(gnss.map(|report| report.source).unwrap_or_default()),
+        gnss.map(|report| report.source).unwrap_or_default(),
         Utc(reading),
         reading.uncertainty_ns,
         gnss.map(|report| report.frequency.0).unwrap_or_default(),
@@ -127,7 +127,7 @@ struct Utc(Reading);
 impl Format for Utc {
     fn format(&self, f: Formatter) {
         let Reading { utc, state, .. } = self.0;
-        match calendar::from_utc(utc) {
+        match utc.to_civil() {
             Some(t) if state != ClockState::Unset => defmt::write!(
                 f,
                 "{=u16:04}-{=u8:02}-{=u8:02}T{=u8:02}:{=u8:02}:{=u8:02}.{=u32:06}Z",
@@ -140,18 +140,6 @@ impl Format for Utc {
                 t.nano.unsigned_abs() / 1_000
             ),
             _ => defmt::write!(f, "-"),
-        }
-    }
-}
-
-struct From(Source);
-
-impl Format for From {
-    fn format(&self, f: Formatter) {
-        match self.0 {
-            Source::Nothing => defmt::write!(f, "-"),
-            Source::Message => defmt::write!(f, "message"),
-            Source::Pulse => defmt::write!(f, "pulse"),
         }
     }
 }

@@ -11,7 +11,7 @@
 //! *Limits.* One reader. Events come in the order of their time.
 
 use timebase::{CORE_HZ, Cycles, PulseForecast, PulseMark, TimeMark, Validity};
-use utc_clock::{ClockState, Published, Reading, Settings, UtcClock, UtcNanos, calendar};
+use utc_clock::{ClockState, Published, Reading, Settings, UtcClock, UtcNanos};
 
 /// How late the firmware's timers are: a tick and a wake-up, in cycles.
 const TIMER_LATE: u64 = 10_000;
@@ -48,10 +48,14 @@ struct Seen {
 
 impl<'a> Board<'a> {
     /// A board whose clock publishes to `line`.
+    ///
+    /// # Panics
+    ///
+    /// Another board's clock publishes to it already.
     #[must_use]
     pub fn new(settings: Settings, line: &'a Published) -> Self {
         Self {
-            clock: UtcClock::new(settings, line),
+            clock: UtcClock::new(settings, line.take_writer().expect("a line of its own")),
             line,
             last: None,
             steps: 0,
@@ -133,7 +137,7 @@ impl<'a> Board<'a> {
         let counters = self.clock.counters();
         let steps = counters.sets + counters.steps_forward + counters.steps_back;
         if steps != self.steps {
-            self.stepped_at = self.clock.model().at();
+            self.stepped_at = self.clock.course_begins();
             self.stepped_back = counters.steps_back != self.steps_back;
             self.steps_back = counters.steps_back;
             self.steps = steps;
@@ -170,7 +174,7 @@ impl<'a> Board<'a> {
 pub fn good_mark(arrival: Cycles, epoch_utc_ns: i64) -> Option<TimeMark> {
     Some(TimeMark {
         arrival,
-        epoch: calendar::from_utc(UtcNanos(epoch_utc_ns))?,
+        epoch: UtcNanos(epoch_utc_ns).to_civil()?,
         t_acc_ns: 25,
         validity: Validity {
             date: true,

@@ -15,7 +15,6 @@
 use std::fmt;
 
 use timebase::Cycles;
-use utc_clock::gate::EARLIEST;
 use utc_clock::{ClockState, Published, Settings};
 use world::others;
 
@@ -114,9 +113,14 @@ impl Trace {
         if rows.len() < 2 {
             return Err(TraceError::Short);
         }
-        let earliest = rows.iter().map(|row| row.utc).min().unwrap_or(EARLIEST.0);
+        let earliest = rows
+            .iter()
+            .map(|row| row.utc)
+            .min()
+            .unwrap_or(Settings::EARLIEST.0);
         let lift = LIFT_DAYS * DAY_NS;
-        let times = (EARLIEST.0.saturating_sub(earliest).max(0) as u64).div_ceil(lift as u64);
+        let times =
+            (Settings::EARLIEST.0.saturating_sub(earliest).max(0) as u64).div_ceil(lift as u64);
         let lifted_days = times as i64 * LIFT_DAYS;
         for row in &mut rows {
             row.utc += lifted_days * DAY_NS;
@@ -260,7 +264,7 @@ mod tests {
         assert_eq!(old.lifted_days, 3_653);
         let lifted = old.rows[0].utc - 1_448_149_465_400_000_000;
         assert_eq!(lifted, 3_653 * DAY_NS);
-        assert!(old.rows[0].utc >= EARLIEST.0);
+        assert!(old.rows[0].utc >= Settings::EARLIEST.0);
     }
 
     #[test]

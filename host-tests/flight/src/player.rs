@@ -10,7 +10,7 @@
 //! *Limits.* The task itself takes no time.
 
 use timebase::{Cycles, PulseForecast, PulseMark, TimeMark, Validity};
-use utc_clock::{ClockState, Counters, Published, Settings, Source, UtcClock, UtcNanos, calendar};
+use utc_clock::{ClockState, Counters, Published, Settings, Source, UtcClock, UtcNanos};
 use world::{EventKind, WorldPicos};
 
 use crate::{Flight, Header, READ_EVERY, Reading};
@@ -45,7 +45,7 @@ pub fn play(flight: &Flight, _setup: &Setup, mut each: impl FnMut(&Reading)) -> 
     let line = Published::new();
     let settings =
         Settings::DEFAULT.with_latency_ns(flight.header.latency_us.saturating_mul(1_000));
-    let mut clock = UtcClock::new(settings, &line);
+    let mut clock = UtcClock::new(settings, line.take_writer().expect("a line of its own"));
     let crystal = &flight.header.crystal;
     let cycles = |at: WorldPicos| Cycles(crystal.cycles_at(at));
     let mut handled: Vec<_> = flight
@@ -133,7 +133,7 @@ fn handle(
             valid,
             ..
         } => {
-            if let Some(epoch) = calendar::from_utc(UtcNanos(utc_ns)) {
+            if let Some(epoch) = UtcNanos(utc_ns).to_civil() {
                 let mark = TimeMark {
                     arrival,
                     epoch,
@@ -146,8 +146,7 @@ fn handle(
         EventKind::Mark60 { nano, .. } => {
             // Second 60 ends the day before the midnight that is nearest.
             let day = (header.utc_ns(at) + DAY_NS / 2).div_euclid(DAY_NS);
-            if let Some(mut epoch) = calendar::from_utc(UtcNanos((day * DAY_NS).saturating_sub(1)))
-            {
+            if let Some(mut epoch) = UtcNanos((day * DAY_NS).saturating_sub(1)).to_civil() {
                 (epoch.second, epoch.nano) = (60, nano);
                 let mark = TimeMark {
                     arrival,

@@ -16,10 +16,7 @@
 //! the middle of its tick interrupt has half an anchor; so a reading takes two looks
 //! 2 µs apart that have to agree, and the board has run on by then.
 
-use std::cell::Cell;
-use std::sync::atomic::AtomicU32;
-
-use anyhow::ensure;
+use anyhow::{Context as _, ensure};
 use paper_clock::BaseTime;
 use rigless::mcu::Operate as _;
 use rigless::soc::Width;
@@ -133,17 +130,8 @@ impl Pixhawk {
 
     fn timeline(&mut self) -> anyhow::Result<Published> {
         let words = self.words(TIMELINE)?;
-        ensure!(
-            words.len() * 4 == size_of::<Published>(),
-            "{TIMELINE} is not of the size of this program's"
-        );
-        // `over` asks for each word in the order of the layout.
-        let next = Cell::new(0);
-        Ok(Published::over(|_| {
-            let word = words.get(next.get()).copied().unwrap_or_default();
-            next.set(next.get() + 1);
-            AtomicU32::new(word)
-        }))
+        Published::from_words(&words)
+            .with_context(|| format!("{TIMELINE} is smaller than this program's"))
     }
 
     /// The words of a static; the compiler may have split it into its elements.

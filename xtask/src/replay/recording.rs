@@ -9,7 +9,7 @@
 
 use std::process::ExitCode;
 
-use anyhow::{Result, bail};
+use anyhow::{Context as _, Result, bail};
 use comparison::trace::HEADER;
 use serde_json::json;
 use timebase::{Cycles, StampedByte};
@@ -37,7 +37,10 @@ pub fn run(options: &Options, bytes: &[u8]) -> Result<ExitCode> {
         ),
     };
     let line = Published::new();
-    let mut clock = UtcClock::new(Settings::DEFAULT, &line);
+    let mut clock = UtcClock::new(
+        Settings::DEFAULT,
+        line.take_writer().context("a line of its own")?,
+    );
     let mut link = Link::new();
     let mut marks = 0_u32;
     while let Some(at) = recording.next_event() {

@@ -11,7 +11,7 @@
 //! *Limits.* Its uncertainty is not known, and it has no holdover: it runs on.
 
 use timebase::{ClockState, Cycles, TimeMark};
-use utc_clock::{CalendarError, Counters, Reading, Source, UtcNanos, calendar};
+use utc_clock::{CalendarError, Counters, Reading, Source, UtcNanos};
 
 /// PX4's `GPS_EPOCH_SECS`, 2009-02-13T23:31:30Z: it sets no clock to this or before.
 const EARLIEST: UtcNanos = UtcNanos(1_234_567_890_000_000_000);
@@ -191,7 +191,7 @@ fn accepted(mark: &TimeMark) -> Result<UtcNanos, Refusal> {
     if !claims.fully_resolved {
         return Err(Refusal::Unresolved);
     }
-    let epoch = calendar::to_utc(&mark.epoch).map_err(Refusal::Calendar)?;
+    let epoch = UtcNanos::from_civil(&mark.epoch).map_err(Refusal::Calendar)?;
     if epoch <= EARLIEST {
         return Err(Refusal::TooOld);
     }

@@ -8,12 +8,12 @@
 //! The clock is the one writer of its [`Published`] line; a change is out before
 //! the call that makes it returns.
 //!
-//! Every change of course begins [`LEAD`] after the time of the call, at the
+//! Every change of course begins [`UtcClock::LEAD`] after the time of the call, at the
 //! point of the line where the old course is then. So nobody has been told
 //! anything else about any moment: readings increase strictly with their stamps,
 //! whoever takes them, except over a step.
 //!
-//! An error is absorbed at the rate that the [`Discipline`] asks for, at most [`MAX_SLEW`], until
+//! An error is absorbed at the rate that the [`Discipline`] asks for, at most [`UtcClock::MAX_SLEW`], until
 //! it is gone or the next mark knows better, and for no longer than marks may
 //! stay away: one mark alone moves the clock by 1 ms. Lateness is one-sided, so a clock that was
 //! set by a late mark is behind: within [`SETTLING`] of being set, and when a pulse is followed for
@@ -24,30 +24,22 @@
 //! is kept here, whatever it says.
 
 use core::cmp::Ordering;
-use core::sync::atomic::AtomicU32;
 
-use timebase::{CORE_HZ, Cycles, PulseForecast, PulseMark, TimeMark};
+use timebase::{CORE_HZ, ClockState, Cycles, PulseForecast, PulseMark, TimeMark};
 
-use crate::counters::bump;
-use crate::discipline::{Correction, Course, Discipline, LEARNT_UNCERTAINTY_NS, Observation};
+use crate::counters::{Counters, bump};
+use crate::discipline::{Correction, Course, Discipline, Observation};
 use crate::gate::Gate;
 use crate::holdover::Uncertainty;
-use crate::model;
-use crate::published::Word;
-use crate::pulse::PulseRefusal;
-use crate::{ClockModel, ClockState, Counters, Ppb, Published, Refusal, UtcNanos};
-
-/// From a call to the first moment at which its change of course holds: 1 ms,
-/// three orders of magnitude more than the call takes if nothing interrupts it.
-pub const LEAD: u64 = CORE_HZ as u64 / 1_000;
-
-/// The fastest slew, beside the frequency: 400 ppm. With a frequency that is up to 100 ppm wrong,
-/// as one is that was learnt from a wandering floor in the first minutes, the clock is still within
-/// 500 ppm of true time, the limit of NTP's clock discipline.
-pub const MAX_SLEW: Ppb = Ppb::from_ppm(400);
+use crate::model::{self, ClockModel};
+use crate::outcome::{Outcome, PulseOutcome, Source};
+use crate::published::Writer;
+use crate::refusal::{PulseRefusal, Refusal};
+use crate::settings::Settings;
+use crate::utc::{Ppb, UtcNanos};
 
 /// Without a mark for so long the clock is in holdover: 2 s.
-pub const HOLDOVER_AFTER: u64 = 2 * CORE_HZ as u64;
+const HOLDOVER_AFTER: u64 = 2 * CORE_HZ as u64;
 
 /// From pulse to pulse is a second; without the next one the line is told anew after so long, in
 /// cycles: 1.25 s. Its straight line of uncertainty is near the curve that it stands for.
@@ -55,137 +47,37 @@ const PULSE_LASTS: u64 = CORE_HZ as u64 * 5 / 4;
 
 /// The line is told from a new origin at least so often: 10 s, well within the
 /// 25.5 s in which a reading takes the short way.
-pub const REBASE_AFTER: u64 = 10 * CORE_HZ as u64;
+const REBASE_AFTER: u64 = 10 * CORE_HZ as u64;
 
 /// A mark that arrived longer ago is not believed: 10 s; the 32-bit stamp it
 /// came with names a moment for 25.5 s.
-pub const MAX_AGE: u64 = 10 * CORE_HZ as u64;
+const MAX_AGE: u64 = 10 * CORE_HZ as u64;
 
 /// For so long after it was set the clock may step forward: 30 s.
-pub const SETTLING: u64 = 30 * CORE_HZ as u64;
+const SETTLING: u64 = 30 * CORE_HZ as u64;
 
 /// An error that is slewed away in a quarter of a second is not worth a step: 100 µs.
-pub const LEAST_STEP_NS: i64 = 100_000;
+const LEAST_STEP_NS: i64 = 100_000;
 
 /// A pulse's word about itself ([`PulseForecast`]) holds for the pulse of the next second.
 const FORECAST_LASTS: u64 = CORE_HZ as u64;
 
 const CYCLES_PER_MS: u64 = CORE_HZ as u64 / 1_000;
 
-/// Cycles in which [`MAX_SLEW`] absorbs one ns.
-const CYCLES_PER_NS_AT_MAX_SLEW: u64 = CORE_HZ as u64 / MAX_SLEW.0 as u64;
+/// Cycles in which [`UtcClock::MAX_SLEW`] absorbs one ns.
+const CYCLES_PER_NS_AT_MAX_SLEW: u64 = CORE_HZ as u64 / UtcClock::MAX_SLEW.0 as u64;
 
 /// How the uncertainty grows while the crystal is refused, in ppb: 1 %.
 const BROKEN_PPB: f32 = 1e7;
 
-/// What [`MAX_SLEW`] absorbs until holdover begins, in ns.
-const MOST_ABSORBED_NS: u32 = MAX_SLEW.0.unsigned_abs() * (HOLDOVER_AFTER / CORE_HZ as u64) as u32;
+/// What [`UtcClock::MAX_SLEW`] absorbs until holdover begins, in ns.
+const MOST_ABSORBED_NS: u32 =
+    UtcClock::MAX_SLEW.0.unsigned_abs() * (HOLDOVER_AFTER / CORE_HZ as u64) as u32;
 
-/// What the clock has to be told about its receiver and its crystal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Settings {
-    /// Follow only marks whose `confirmedTime` is set.
-    pub require_confirmed: bool,
-    /// From the epoch to the first byte on the wire, in ns. 0 until it is known:
-    /// what equal boards have in common cancels between them.
-    pub latency_ns: u32,
-    /// How far off that may be, in ns. 120 ms, what ArduPilot assumes for the
-    /// latency of an M8, as long as the latency is taken for 0.
-    pub latency_uncertainty_ns: u32,
-    /// How much faster than the crystal the clock has to run.
-    pub frequency: Ppb,
-    /// How far off that may be. 50 ppm while it is taken for 0: the crystals of
-    /// three such boards were measured at +37, +37 and +44 ppm.
-    pub frequency_uncertainty: Ppb,
-}
-
-impl Settings {
-    /// An M8 on a Pixhawk 1 of which nothing has been learnt.
-    pub const DEFAULT: Self = Self {
-        require_confirmed: false,
-        latency_ns: 0,
-        latency_uncertainty_ns: 120_000_000,
-        frequency: Ppb(0),
-        frequency_uncertainty: Ppb::from_ppm(50),
-    };
-
-    /// The same for a receiver whose latency was measured, in ns, and is known as well as one
-    /// that is learnt under a pulse; 0 leaves it unknown.
-    #[must_use]
-    pub const fn with_latency_ns(self, latency_ns: u32) -> Self {
-        if latency_ns == 0 {
-            return self;
-        }
-        Self {
-            latency_ns,
-            latency_uncertainty_ns: LEARNT_UNCERTAINTY_NS,
-            ..self
-        }
-    }
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
-
-/// What a mark did to the clock.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
-    /// It set the clock, which was unset.
-    Set,
-    /// The clock slews.
-    Slewed {
-        /// UTC less the clock as the marks have it, in ns.
-        error_ns: i64,
-    },
-    /// The clock steps, for others have to be told.
-    Stepped {
-        /// What was added to it, in ns.
-        by_ns: i64,
-    },
-    /// It agrees with the pulse, which steers.
-    Confirmed,
-    /// Nothing.
-    Refused(Refusal),
-}
-
-/// What a pulse did to the clock.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PulseOutcome {
-    /// Nothing yet: others have to confirm it.
-    Candidate,
-    /// The clock slews.
-    Slewed {
-        /// UTC less the clock as the pulses have it, in ns.
-        error_ns: i64,
-    },
-    /// The clock steps forward: the first pulse that is followed.
-    Stepped {
-        /// What was added to it, in ns.
-        by_ns: i64,
-    },
-    /// Nothing.
-    Refused(PulseRefusal),
-}
-
-/// What the clock is steered by.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Source {
-    /// Nothing: it is unset, or in holdover.
-    #[default]
-    Nothing,
-    /// The receiver's messages.
-    Message,
-    /// The receiver's pulse; the messages number it.
-    Pulse,
-}
-
-/// The clock that marks steer, and the one writer of `line`.
+/// The clock that marks and pulses steer.
 #[derive(Debug)]
-pub struct UtcClock<'a, W = AtomicU32> {
-    line: &'a Published<W>,
+pub struct UtcClock<'a> {
+    timeline: Writer<'a>,
     gate: Gate,
     discipline: Discipline,
     model: ClockModel,
@@ -208,11 +100,19 @@ pub struct UtcClock<'a, W = AtomicU32> {
     counters: Counters,
 }
 
-impl<'a, W: Word> UtcClock<'a, W> {
-    /// A clock that is unset and will publish to `line`, which nobody has written
-    /// to yet.
+impl<'a> UtcClock<'a> {
+    /// From a call to the first moment at which its change of course holds: 1 ms,
+    /// three orders of magnitude more than the call takes if nothing interrupts it. [cycles]
+    pub const LEAD: u64 = CORE_HZ as u64 / 1_000;
+
+    /// The fastest slew, beside the frequency: 400 ppm. With a frequency that is up to 100 ppm
+    /// wrong, as one that was learnt from a wandering floor in the first minutes can be, the clock
+    /// is still within 500 ppm of true time, the limit of NTP's clock discipline.
+    pub const MAX_SLEW: Ppb = Ppb::from_ppm(400);
+
+    /// A clock that is unset and will publish through `timeline`.
     #[must_use]
-    pub fn new(settings: Settings, line: &'a Published<W>) -> Self {
+    pub fn new(settings: Settings, timeline: Writer<'a>) -> Self {
         Self {
             gate: Gate {
                 require_confirmed: settings.require_confirmed,
@@ -220,7 +120,7 @@ impl<'a, W: Word> UtcClock<'a, W> {
             discipline: Discipline::new(&settings),
             model: ClockModel::BOOT,
             before_at: Cycles::BOOT,
-            line,
+            timeline,
             frequency: Ppb(0),
             slew: Ppb(0),
             slew_ends: Cycles::BOOT,
@@ -275,7 +175,7 @@ impl<'a, W: Word> UtcClock<'a, W> {
             return;
         }
         let mut line = self.model;
-        if self.slew_ends <= now.plus(LEAD) {
+        if self.slew_ends <= now.plus(Self::LEAD) {
             self.end_slew();
         }
         if line.quality.state == ClockState::Set && self.holdover_begins() <= now {
@@ -298,7 +198,7 @@ impl<'a, W: Word> UtcClock<'a, W> {
     pub fn poll_timeout(&self) -> Cycles {
         let mut due = self.model.at.plus(self.lasts(self.model.quality.state));
         if self.slew != Ppb(0) {
-            due = due.min(Cycles(self.slew_ends.0.saturating_sub(LEAD)));
+            due = due.min(Cycles(self.slew_ends.0.saturating_sub(Self::LEAD)));
         }
         if self.model.quality.state == ClockState::Set {
             due = due.min(self.holdover_begins());
@@ -306,10 +206,11 @@ impl<'a, W: Word> UtcClock<'a, W> {
         due.max(self.before_at)
     }
 
-    /// The newest piece of the time line.
+    /// When the newest change of course begins, or began: [`Self::LEAD`] after the call that
+    /// made it.
     #[must_use]
-    pub const fn model(&self) -> &ClockModel {
-        &self.model
+    pub const fn course_begins(&self) -> Cycles {
+        self.model.at
     }
 
     /// What became of the marks and pulses.
@@ -504,12 +405,14 @@ impl<'a, W: Word> UtcClock<'a, W> {
         let most = error_ns.unsigned_abs().min(2_000_000);
         // ns in so many ms are so many ppb: ns · 1000 / ms.
         let rate = most * 1_000 / course.absorb_ms.max(1);
-        let slew = rate.min(MAX_SLEW.0.unsigned_abs()).cast_signed();
+        let slew = rate.min(Self::MAX_SLEW.0.unsigned_abs()).cast_signed();
         self.slew = Ppb(if error_ns < 0 { -slew } else { slew });
         self.unabsorbed_ns = error_ns.unsigned_abs();
         let least = u64::from(course.absorb_ms) * CYCLES_PER_MS;
         let needed = u64::from(error_ns.unsigned_abs()) * CYCLES_PER_NS_AT_MAX_SLEW;
-        self.slew_ends = now.plus(LEAD).plus(needed.max(least).min(HOLDOVER_AFTER));
+        self.slew_ends = now
+            .plus(Self::LEAD)
+            .plus(needed.max(least).min(HOLDOVER_AFTER));
     }
 
     /// The slew is over; what it could not absorb is left, and doubted.
@@ -530,10 +433,10 @@ impl<'a, W: Word> UtcClock<'a, W> {
         self.before_at > now
     }
 
-    /// From [`LEAD`] after `now` on, follows `line` with the rate of the hour.
+    /// From [`UtcClock::LEAD`] after `now` on, follows `line` with the rate of the hour.
     fn steer(&mut self, line: &ClockModel, now: Cycles) {
         // Never before the model that may have been read already.
-        let at = now.plus(LEAD).max(self.model.at);
+        let at = now.plus(Self::LEAD).max(self.model.at);
         let rate = Ppb(self.frequency.0.saturating_add(self.slew.0));
         let mut model = ClockModel {
             mult: model::mult(rate),
@@ -544,7 +447,7 @@ impl<'a, W: Word> UtcClock<'a, W> {
         }
         self.before_at = self.model.at;
         self.model = model;
-        self.line.publish(&self.model);
+        self.timeline.publish(&self.model);
     }
 
     /// Writes the uncertainty into a model: what it is where that begins, and a straight line that is

@@ -1,54 +1,10 @@
 //! What became of the marks and pulses, counted by kind.
 //!
-//! *Purpose.* [`Refusal`] names why a mark did not move the clock ([`PulseRefusal`] why a pulse did
-//! not); [`Counters`] says how often, for the status line and the log.
+//! *Purpose.* For the status line, the log and the tests.
 //!
-//! *Design.* One field a kind, `u32`, wrapping: a reader compares two readings.
-//!
-//! *Limits.* A mark that several rules would refuse counts for the first one.
+//! *Design.* One field for each kind, `u32`, wrapping: a reader compares two readings.
 
-use crate::CalendarError;
-use crate::pulse::PulseRefusal;
-
-/// Why a mark was not followed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Refusal {
-    /// `validDate` is not set.
-    Date,
-    /// `validTime` is not set.
-    Time,
-    /// `fullyResolved` is not set.
-    Unresolved,
-    /// `confirmedTime` is not set, and the settings demand it.
-    Unconfirmed,
-    /// The receiver's own accuracy is worse than the gate allows, or unknown.
-    Inaccurate,
-    /// The fields name no instant.
-    Calendar(CalendarError),
-    /// The epoch is older than the project.
-    TooOld,
-    /// The epoch lies in a leap second, which has no number of its own.
-    LeapSecond,
-    /// The arrival is in the future or too long ago to be believed.
-    Stamp,
-    /// Two changes of course are still to begin: of marks that come within a millisecond,
-    /// the third was held up somewhere.
-    Backlog,
-    /// The epoch of the mark before, once more.
-    DuplicateEpoch,
-    /// An epoch earlier than that of the mark before.
-    EpochBack,
-    /// Too far from the clock, and not (yet) agreed on by its successors.
-    Outlier,
-    /// Later than any jitter, but not as far off as an outlier.
-    Late,
-    /// Earlier than any floor wanders, and not (yet) confirmed by its successors.
-    Early,
-    /// The receiver's time drifts away as no crystal does.
-    Drift,
-    /// The crystal, or the receiver, is more than 2 000 ppm off.
-    Crystal,
-}
+use crate::refusal::{PulseRefusal, Refusal};
 
 /// Events of the clock since boot; each field wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

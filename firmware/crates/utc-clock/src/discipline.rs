@@ -21,12 +21,13 @@
 
 use timebase::Cycles;
 
-use crate::counters::Refusal;
 use crate::drift_guard::DriftGuard;
 use crate::envelope::{Envelope, EnvelopeEstimate, EnvelopeVerdict};
-use crate::holdover::Uncertainty;
-use crate::pulse::{NumberedEdge, Pulse, PulseRefusal, PulseVerdict, nearest_second};
-use crate::{Ppb, Settings, UtcNanos};
+use crate::holdover::{self, CRYSTAL_PPB, Uncertainty};
+use crate::pulse::{NumberedEdge, Pulse, PulseVerdict, nearest_second};
+use crate::refusal::{PulseRefusal, Refusal};
+use crate::settings::{LEARNT_UNCERTAINTY_NS, Settings};
+use crate::utc::{Ppb, UtcNanos};
 
 /// A residual beyond this is an outlier: more than any latency measured on a
 /// receiver that was not stalled (185 ms), less than the second that jumps.
@@ -39,14 +40,6 @@ pub const AGREEING: u8 = 5;
 /// How far agreeing outliers may lie apart: the widest spread of latencies
 /// measured on one receiver was 91 ms (LEA-M8T at 9600 baud).
 pub const AGREEMENT_NS: i64 = 100_000_000;
-
-/// A crystal that is farther off is broken, or the receiver is: 2 000 ppm, in ppb. Boards of
-/// 1 800 ppm exist.
-pub const CRYSTAL_PPB: f32 = 2_000_000.0;
-
-/// How far a latency that was learnt under the pulse may be off afterwards: 10 ms, as the floors of
-/// real receivers wander.
-pub const LEARNT_UNCERTAINTY_NS: u32 = 10_000_000;
 
 /// A pulse that would have a learnt latency off by more is off the second: twice its uncertainty, in ns.
 const LEARNT_OFF_NS: i64 = 2 * LEARNT_UNCERTAINTY_NS as i64;
@@ -149,7 +142,7 @@ impl Discipline {
     /// A discipline that has heard nothing.
     #[must_use]
     pub fn new(settings: &Settings) -> Self {
-        let crystal_ppb = -(settings.frequency.0 as f32);
+        let crystal_ppb = holdover::crystal_ppb(settings.frequency);
         let uncertainty_ppb = settings.frequency_uncertainty.0 as f32;
         Self {
             // The settings' uncertainty is a bound, the filter's a standard deviation.
@@ -184,7 +177,7 @@ impl Discipline {
         }
         self.anchor
             .steady_ppb(self.crystal_ppb, self.fast_uncertainty_ppb)
-            .map(slower)
+            .map(holdover::rate)
     }
 
     /// Hears the epoch of a mark. The first one sets the clock: it is [`Correction::First`].
@@ -362,7 +355,7 @@ impl Discipline {
     fn course(&self, at: Cycles, error_ns: i64, uncertainty_ns: f32, absorb_ms: u32) -> Course {
         Course {
             error_ns,
-            frequency: slower(self.crystal_ppb),
+            frequency: holdover::rate(self.crystal_ppb),
             uncertainty: Uncertainty {
                 at,
                 phase_ns: uncertainty_ns,
@@ -430,12 +423,6 @@ impl Discipline {
             self.latency_ns += latency_ns.saturating_sub(self.latency_ns) / LEARNING;
         }
     }
-}
-
-/// What makes up for a crystal that is `crystal_ppb` fast. On the board's own counter that is exact: a
-/// rate of 1 − f, where f was measured by that counter's seconds.
-fn slower(crystal_ppb: f32) -> Ppb {
-    Ppb(-libm::rintf(crystal_ppb) as i32)
 }
 
 impl Run {

@@ -16,14 +16,13 @@
 
 use timebase::TimeMark;
 
-use crate::{Refusal, UtcNanos, calendar};
+use crate::refusal::Refusal;
+use crate::settings::Settings;
+use crate::utc::UtcNanos;
 
 /// The worst tAcc that is let in, in ns. Good marks of real receivers have
 /// 16 ns to 4.4 µs; a receiver that is still resolving its time has ms or none.
-pub const MAX_T_ACC_NS: u32 = 100_000;
-
-/// 2016-01-01: no earlier epoch is believed.
-pub const EARLIEST: UtcNanos = UtcNanos(1_451_606_400_000_000_000);
+const MAX_T_ACC_NS: u32 = 100_000;
 
 /// Judges marks by what they say of themselves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,8 +55,8 @@ impl Gate {
         if mark.t_acc_ns > MAX_T_ACC_NS {
             return Err(Refusal::Inaccurate);
         }
-        let epoch = calendar::to_utc(&mark.epoch).map_err(Refusal::Calendar)?;
-        if epoch < EARLIEST {
+        let epoch = UtcNanos::from_civil(&mark.epoch).map_err(Refusal::Calendar)?;
+        if epoch < Settings::EARLIEST {
             return Err(Refusal::TooOld);
         }
         if mark.epoch.second == 60 {
@@ -72,7 +71,7 @@ mod tests {
     use timebase::{CivilTime, Cycles, Validity};
 
     use super::*;
-    use crate::CalendarError;
+    use crate::calendar::CalendarError;
 
     fn good() -> TimeMark {
         TimeMark {
@@ -105,7 +104,7 @@ mod tests {
 
     #[test]
     fn the_worst_mark_that_is_good_enough_passes() {
-        assert_eq!(Gate::default().judge(&good()), Ok(EARLIEST));
+        assert_eq!(Gate::default().judge(&good()), Ok(Settings::EARLIEST));
     }
 
     #[test]

@@ -11,12 +11,30 @@
 
 use timebase::{CORE_HZ, Cycles};
 
+use crate::utc::Ppb;
+
 /// As fast as a crystal is believed to drift, in ppb a second: 1 ppm a minute.
 pub(crate) const DRIFT_PPB_PER_S: f32 = 1_000.0 / 60.0;
+
+/// A crystal that is farther off is broken, or the receiver is: 2 000 ppm. Boards of
+/// 1 800 ppm exist. [ppb]
+pub(crate) const CRYSTAL_PPB: f32 = 2_000_000.0;
 
 /// ±50 ppm over its range of temperature: three such boards were measured at +37, +37 and
 /// +44 ppm.
 const SPECIFICATION_PPB: f32 = 50_000.0;
+
+/// The rate that makes up for a crystal that is `crystal_ppb` fast: the sign changes here and in
+/// [`crystal_ppb`], its inverse. On the board's own counter it is exact: a rate of 1 − f, where f
+/// was measured by that counter's seconds.
+pub(crate) fn rate(crystal_ppb: f32) -> Ppb {
+    Ppb(-libm::rintf(crystal_ppb) as i32)
+}
+
+/// By how much a crystal is fast that a clock of this rate makes up for. [ppb]
+pub(crate) const fn crystal_ppb(rate: Ppb) -> f32 {
+    -(rate.0 as f32)
+}
 
 /// What is known, and when.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -31,25 +31,31 @@
 #[cfg(test)]
 extern crate std;
 
-pub mod calendar;
-pub mod clock;
-pub mod counters;
-pub mod discipline;
+mod calendar;
+mod clock;
+mod counters;
+mod discipline;
 mod drift_guard;
-pub mod envelope;
-pub mod gate;
-pub mod holdover;
+mod envelope;
+mod gate;
+mod holdover;
 mod kalman;
-pub mod model;
-pub mod published;
-pub mod pulse;
-pub mod utc;
+mod model;
+mod outcome;
+mod published;
+mod pulse;
+mod refusal;
+mod settings;
+mod utc;
 
 pub use calendar::CalendarError;
-pub use clock::{Outcome, PulseOutcome, Settings, Source, UtcClock};
-pub use counters::{Counters, Refusal};
-pub use model::{ClockModel, Reading};
-pub use published::Published;
-pub use pulse::PulseRefusal;
+pub use clock::UtcClock;
+pub use counters::Counters;
+pub use model::Reading;
+pub use outcome::{Outcome, PulseOutcome, Source};
+pub use published::{Published, Writer};
+pub use refusal::{PulseRefusal, Refusal};
+pub use settings::Settings;
+#[doc(inline)]
 pub use timebase::ClockState;
 pub use utc::{Ppb, UtcNanos};

@@ -20,15 +20,15 @@
 
 use timebase::{CORE_HZ, ClockState, Cycles};
 
-use crate::{Ppb, UtcNanos};
+use crate::utc::{Ppb, UtcNanos};
 
 /// Bits of `mult` behind the binary point.
 pub(crate) const SHIFT: u32 = 28;
 const FRACTION: u64 = (1 << SHIFT) - 1;
 
 /// The largest rate correction, in either direction: a crystal beyond ±2 000 ppm
-/// is broken, and 500 ppm are for the slew.
-pub const MAX_RATE: Ppb = Ppb::from_ppm(2_500);
+/// is broken, the slew takes up to 400 ppm, and 100 ppm are to spare.
+const MAX_RATE: Ppb = Ppb::from_ppm(2_500);
 
 /// What the clock says of one instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -32,25 +32,25 @@
 //!
 //! * One core: program order is what an interrupt sees, so a fence for the
 //!   compiler is enough.
-//! * One writer: a line belongs to one [`UtcClock`](crate::UtcClock).
+//! * One writer: [`Published::take_writer`] gives it once.
 //! * Fewer than 2³² publications while one reader is interrupted.
-//! * A model is out before it begins: [`LEAD`](crate::clock::LEAD).
+//! * A model is out before it begins: [`UtcClock::LEAD`](crate::UtcClock::LEAD).
 //! * No more than two are still to begin: the clock refuses what would make a third
 //!   ([`Refusal::Backlog`](crate::Refusal::Backlog)).
 //!
 //! *Limits.* Three models are kept. A stamp from before the oldest of them is
-//! read with that one prolonged: wrong by at most the slews in between,
-//! 1 ms a second.
+//! read with that one prolonged: wrong by at most the difference of the slews in
+//! between, 0.8 ms a second.
 
-use core::sync::atomic::{AtomicU32, Ordering, compiler_fence};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering, compiler_fence};
 
 use timebase::{Cycles, Stamp};
 
-use crate::model::SHIFT;
-use crate::{ClockModel, Reading, UtcNanos};
+use crate::model::{ClockModel, Reading, SHIFT};
+use crate::utc::UtcNanos;
 
 /// A shared 32-bit word; the exhaustive test has one that knows of each access.
-pub trait Word {
+trait Word {
     /// The word's value.
     fn load(&self) -> u32;
     /// Replaces the value.
@@ -72,35 +72,94 @@ impl Word for AtomicU32 {
 /// Models before the newest that are intact while another one is written.
 const OLDER: u32 = 2;
 
-/// The clock's time line as readers see it.
+/// The clock's time line, which readers of any interrupt priority share with its one writer.
+///
+/// In a static of the board, or anywhere that outlives its readers.
 #[derive(Debug)]
 #[repr(C)]
-pub struct Published<W = AtomicU32> {
-    sequence: W,
-    /// Each a model in the form of [`ClockModel::words`].
-    slots: [[W; 8]; 4],
+pub struct Published {
+    line: TimeLine<AtomicU32>,
+    /// Whether somebody has taken the writer.
+    is_taken: AtomicBool,
 }
 
+/// The writing half of a [`Published`]. There is one: it cannot be copied, nor taken twice.
+///
+/// ```compile_fail,E0382
+/// use utc_clock::{Published, Settings, UtcClock};
+///
+/// let published = Published::new();
+/// let writer = published.take_writer().unwrap();
+/// let first = UtcClock::new(Settings::DEFAULT, writer);
+/// let second = UtcClock::new(Settings::DEFAULT, writer);
+/// ```
+#[derive(Debug)]
+pub struct Writer<'a>(&'a TimeLine<AtomicU32>);
+
 impl Published {
-    /// A clock that is unset and tells the time since boot.
+    /// A clock that is unset and shows the time since boot.
     #[must_use]
     pub const fn new() -> Self {
         Self {
-            sequence: AtomicU32::new(0),
-            slots: [const {
-                let [a, b, c, d, e, f, g, h] = ClockModel::BOOT.words();
-                [
-                    AtomicU32::new(a),
-                    AtomicU32::new(b),
-                    AtomicU32::new(c),
-                    AtomicU32::new(d),
-                    AtomicU32::new(e),
-                    AtomicU32::new(f),
-                    AtomicU32::new(g),
-                    AtomicU32::new(h),
-                ]
-            }; 4],
+            line: TimeLine {
+                sequence: AtomicU32::new(0),
+                slots: [const {
+                    let [a, b, c, d, e, f, g, h] = ClockModel::BOOT.words();
+                    [
+                        AtomicU32::new(a),
+                        AtomicU32::new(b),
+                        AtomicU32::new(c),
+                        AtomicU32::new(d),
+                        AtomicU32::new(e),
+                        AtomicU32::new(f),
+                        AtomicU32::new(g),
+                        AtomicU32::new(h),
+                    ]
+                }; 4],
+            },
+            is_taken: AtomicBool::new(false),
         }
+    }
+
+    /// A copy of a time line, from the words of its memory in another machine; `None` if there
+    /// are too few. For tools that look at a board from outside: a copy has no writer.
+    #[must_use]
+    pub fn from_words(words: &[u32]) -> Option<Self> {
+        let (sequence, slots) = words.split_first()?;
+        let (models, _) = slots.as_chunks();
+        let models: &[[u32; 8]; 4] = models.first_chunk()?;
+        Some(Self {
+            line: TimeLine {
+                sequence: AtomicU32::new(*sequence),
+                slots: models.map(|model| model.map(AtomicU32::new)),
+            },
+            is_taken: AtomicBool::new(true),
+        })
+    }
+
+    /// The writing half, for the one that asks first; `None` for all others.
+    #[must_use]
+    pub fn take_writer(&self) -> Option<Writer<'_>> {
+        // Relaxed: on one core, and readers do not look at it.
+        let was_taken = self.is_taken.swap(true, Ordering::Relaxed);
+        (!was_taken).then_some(Writer(&self.line))
+    }
+
+    /// UTC at `when`, a stamp of the last 10 s: for those, one word tells how far
+    /// the newest model is away. The short way where that is in force already, the
+    /// long way within [`LEAD`](crate::UtcClock::LEAD) of a change and for older stamps.
+    #[must_use]
+    #[inline]
+    pub fn utc_of(&self, when: Stamp) -> UtcNanos {
+        self.line.utc_of(when)
+    }
+
+    /// The whole reading at `when`, which may be a stamp from before the newest
+    /// model.
+    #[must_use]
+    #[inline]
+    pub fn reading_at(&self, when: Cycles) -> Reading {
+        self.line.reading_at(when)
     }
 }
 
@@ -110,17 +169,34 @@ impl Default for Published {
     }
 }
 
-impl<W: Word> Published<W> {
-    /// The same over other words; `make` makes one that holds the value given.
-    pub fn over(make: impl Fn(u32) -> W) -> Self {
+impl Writer<'_> {
+    /// Makes `model` the newest piece of the line.
+    pub(crate) fn publish(&mut self, model: &ClockModel) {
+        self.0.publish(model);
+    }
+}
+
+/// A time line in words of a kind.
+#[derive(Debug)]
+#[repr(C)]
+struct TimeLine<W> {
+    sequence: W,
+    /// Each a model in the form of [`ClockModel::words`].
+    slots: [[W; 8]; 4],
+}
+
+impl<W: Word> TimeLine<W> {
+    /// An unset clock's; `make` makes a word that holds the value given.
+    #[cfg(test)]
+    fn over(make: impl Fn(u32) -> W) -> Self {
         Self {
             sequence: make(0),
             slots: [(); 4].map(|()| ClockModel::BOOT.words().map(&make)),
         }
     }
 
-    /// Makes `model` the newest piece of the line. For the one writer.
-    pub(crate) fn publish(&self, model: &ClockModel) {
+    /// Makes `model` the newest piece. For the one writer.
+    fn publish(&self, model: &ClockModel) {
         let next = self.sequence.load().wrapping_add(1);
         for (word, value) in self.slot(next).iter().zip(model.words()) {
             word.store(value);
@@ -129,12 +205,15 @@ impl<W: Word> Published<W> {
         self.sequence.store(next);
     }
 
-    /// UTC at `when`, a stamp of the last 10 s: for those, one word tells how far
-    /// the newest model is away. The short way where that is in force already, the
-    /// long way within [`LEAD`](crate::clock::LEAD) of a change and for older stamps.
-    #[must_use]
+    /// The newest piece.
+    #[cfg(test)]
+    fn newest(&self) -> ClockModel {
+        self.model(self.sequence.load())
+    }
+
+    /// See [`Published::utc_of`].
     #[inline]
-    pub fn utc_of(&self, when: Stamp) -> UtcNanos {
+    fn utc_of(&self, when: Stamp) -> UtcNanos {
         loop {
             let sequence = self.sequence.load();
             compiler_fence(Ordering::SeqCst);
@@ -154,10 +233,8 @@ impl<W: Word> Published<W> {
         }
     }
 
-    /// The whole reading at `when`, which may be a stamp from before the newest
-    /// model.
-    #[must_use]
-    pub fn reading_at(&self, when: Cycles) -> Reading {
+    /// See [`Published::reading_at`].
+    fn reading_at(&self, when: Cycles) -> Reading {
         loop {
             let sequence = self.sequence.load();
             compiler_fence(Ordering::SeqCst);
@@ -198,6 +275,40 @@ impl<W: Word> Published<W> {
 #[inline]
 fn double<W: Word>(low: &W, high: &W) -> u64 {
     u64::from(low.load()) | u64::from(high.load()) << 32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_writer_is_taken_once() {
+        let published = Published::new();
+        assert!(published.take_writer().is_some());
+        assert!(published.take_writer().is_none());
+    }
+
+    #[test]
+    fn a_copy_of_its_words_reads_the_same_and_has_no_writer() {
+        let published = Published::new();
+        let model = ClockModel {
+            at: Cycles(123_456),
+            base: UtcNanos(7_000),
+            ..ClockModel::BOOT
+        };
+        published.take_writer().unwrap().publish(&model);
+        let TimeLine { sequence, slots } = &published.line;
+        let words: std::vec::Vec<u32> = [sequence]
+            .into_iter()
+            .chain(slots.as_flattened())
+            .map(Word::load)
+            .collect();
+        let copy = Published::from_words(&words).unwrap();
+        let when = Cycles(1_000_000);
+        assert_eq!(copy.reading_at(when), published.reading_at(when));
+        assert!(copy.take_writer().is_none());
+        assert!(Published::from_words(&words[1..]).is_none());
+    }
 }
 
 #[cfg(test)]

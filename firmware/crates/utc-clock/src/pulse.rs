@@ -22,9 +22,9 @@
 //! plausible latencies differ, before any latency was learnt, is taken for good: nothing on the
 //! board could tell.
 
-use crate::discipline::CRYSTAL_PPB;
-use crate::holdover::DRIFT_PPB_PER_S;
+use crate::holdover::{CRYSTAL_PPB, DRIFT_PPB_PER_S};
 use crate::kalman::{Kalman, Noise};
+use crate::refusal::PulseRefusal;
 
 /// So many pulses in a row have to fit each other before they are followed.
 pub const CONFIRMING: u8 = 5;
@@ -68,23 +68,6 @@ const LAGS_FOR: u8 = 20;
 
 /// The uncertainty, in standard deviations.
 const UNCERTAINTY_SIGMAS: f32 = 2.55;
-
-/// Why a pulse was not followed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PulseRefusal {
-    /// The clock is not set, so that nobody knows which second it marks.
-    Unnumbered,
-    /// It does not come on a second, as far as the messages can tell.
-    OffSecond,
-    /// It is not where the pulses before it predict it.
-    OffLine,
-    /// Its second has had its pulse.
-    Doubled,
-    /// The edge is in the future or too long ago to be believed.
-    Stamp,
-    /// Two changes of course are still to begin.
-    Backlog,
-}
 
 /// What a pulse says.
 #[derive(Clone, Copy, Debug, PartialEq)]

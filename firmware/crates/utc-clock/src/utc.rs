@@ -7,11 +7,7 @@
 //!
 //! *Limits.* `i64` ns reach from 1677 to 2262; the calendar knows 1980 to 2100.
 
-use core::fmt;
-
 use timebase::divide;
-
-use crate::calendar;
 
 /// Nanoseconds of UTC since 1970-01-01T00:00:00Z, leap seconds not counted.
 ///
@@ -50,25 +46,6 @@ impl UtcNanos {
     }
 }
 
-impl fmt::Display for UtcNanos {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Some(t) = calendar::from_utc(*self) else {
-            return write!(f, "{} ns", self.0);
-        };
-        write!(
-            f,
-            "{:04}-{:02}-{:02}T{:02}:{:02}:{:02}",
-            t.year, t.month, t.day, t.hour, t.minute, t.second
-        )?;
-        let decimals = f.precision().unwrap_or(9).min(9);
-        if decimals > 0 {
-            let unit = 10_i32.pow(9 - decimals as u32);
-            write!(f, ".{:0decimals$}", t.nano / unit)?;
-        }
-        f.write_str("Z")
-    }
-}
-
 /// A rate or its error in parts in 10⁹: 1 ppb is 1 ns a second.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Ppb(pub i32);
@@ -83,8 +60,6 @@ impl Ppb {
 
 #[cfg(test)]
 mod tests {
-    use std::format;
-
     use super::*;
 
     #[test]
@@ -96,14 +71,5 @@ mod tests {
             }
         }
         assert_eq!(UtcNanos(i64::MIN).as_micros(), 0);
-    }
-
-    #[test]
-    fn shown_as_iso_8601() {
-        let t = UtcNanos(1_451_606_400_001_002_003);
-        assert_eq!(format!("{t}"), "2016-01-01T00:00:00.001002003Z");
-        assert_eq!(format!("{t:.6}"), "2016-01-01T00:00:00.001002Z");
-        assert_eq!(format!("{t:.0}"), "2016-01-01T00:00:00Z");
-        assert_eq!(format!("{}", UtcNanos(-7)), "-7 ns");
     }
 }

@@ -7,7 +7,7 @@
 //! *Design.* The words call back before each access. A plan says at which access
 //! of the running context which other one comes in; plans nest, so a thread's
 //! reading is interrupted by the writer while that is interrupted by a reader.
-//! The models come from a real clock whose rate swings from −500 to +500 ppm.
+//! The models come from a real clock whose rate swings from −400 to +400 ppm.
 //!
 //! *Limits.* Steps are in program order; that the compiler keeps it is what the
 //! fences are for.
@@ -18,8 +18,9 @@ use std::rc::Rc;
 use std::vec;
 use std::vec::Vec;
 
-use super::Word;
-use crate::{ClockModel, Published, Settings, UtcClock, UtcNanos};
+use super::{TimeLine, Word};
+use crate::model::ClockModel;
+use crate::{Published, Settings, UtcClock, UtcNanos};
 use timebase::{CORE_HZ, CivilTime, Cycles, TimeMark, Validity};
 
 type Context = Box<dyn FnOnce()>;
@@ -82,14 +83,14 @@ impl Word for SteppedWord {
 
 struct World {
     steps: Rc<Steps>,
-    line: Rc<Published<SteppedWord>>,
+    line: Rc<TimeLine<SteppedWord>>,
     models: Rc<Vec<ClockModel>>,
 }
 
 /// The pieces of one clock's line, the unset one first.
 fn models() -> Vec<ClockModel> {
     let line = Published::new();
-    let mut clock = UtcClock::new(Settings::DEFAULT, &line);
+    let mut clock = UtcClock::new(Settings::DEFAULT, line.take_writer().unwrap());
     let mut models = vec![ClockModel::BOOT];
     for i in 0..7_u8 {
         // Late by turns, so that it slews to and fro; all within the 10 s of a
@@ -116,7 +117,7 @@ fn models() -> Vec<ClockModel> {
             },
         };
         clock.handle_mark(&mark, now);
-        models.push(*clock.model());
+        models.push(line.line.newest());
     }
     models
 }
@@ -125,7 +126,7 @@ impl World {
     /// With all models before number `published` published.
     fn new(models: &Rc<Vec<ClockModel>>, published: usize) -> Self {
         let steps = Rc::new(Steps::default());
-        let line = Published::over(|value| SteppedWord {
+        let line = TimeLine::over(|value| SteppedWord {
             value: Cell::new(value),
             steps: Rc::clone(&steps),
         });

@@ -1,0 +1,69 @@
+//! What a mark or a pulse did to the clock, and which of them steers it.
+
+use crate::refusal::{PulseRefusal, Refusal};
+
+/// What a mark did to the clock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Outcome {
+    /// It set the clock, which was unset.
+    Set,
+    /// The clock slews.
+    Slewed {
+        /// UTC less the clock by the marks. [ns]
+        error_ns: i64,
+    },
+    /// The clock steps: what was dated by it may have to be dated anew.
+    Stepped {
+        /// What was added to it. [ns]
+        by_ns: i64,
+    },
+    /// Nothing: it agrees with the pulse, which steers.
+    Confirmed,
+    /// It was refused: nothing.
+    Refused(Refusal),
+}
+
+/// What a pulse did to the clock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum PulseOutcome {
+    /// Nothing yet: the pulses after it have to confirm it.
+    Candidate,
+    /// The clock slews.
+    Slewed {
+        /// UTC less the clock by the pulses. [ns]
+        error_ns: i64,
+    },
+    /// The clock steps forward: the first pulse that is followed.
+    Stepped {
+        /// What was added to it. [ns]
+        by_ns: i64,
+    },
+    /// It was refused: nothing.
+    Refused(PulseRefusal),
+}
+
+/// What the clock is steered by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Source {
+    /// Nothing: it is unset, or in holdover.
+    #[default]
+    Nothing,
+    /// The receiver's messages.
+    Message,
+    /// The receiver's pulse; the messages number it.
+    Pulse,
+}
+
+/// The word for it in a status line: `-`, `message` or `pulse`.
+#[cfg(feature = "defmt")]
+impl defmt::Format for Source {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        match self {
+            Self::Nothing => defmt::write!(f, "-"),
+            Self::Message => defmt::write!(f, "message"),
+            Self::Pulse => defmt::write!(f, "pulse"),
+        }
+    }
+}

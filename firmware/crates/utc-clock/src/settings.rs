@@ -1,0 +1,62 @@
+//! What is known about the receiver and the crystal before the first mark.
+//!
+//! *Purpose.* All that a clock cannot find out by itself, or only in minutes.
+
+use crate::utc::{Ppb, UtcNanos};
+
+/// How far a latency that was learnt under the pulse may be off afterwards: 10 ms, by which the
+/// floors of real receivers wander. [ns]
+pub(crate) const LEARNT_UNCERTAINTY_NS: u32 = 10_000_000;
+
+/// What a clock is told about its receiver and its crystal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Follow only marks whose `confirmedTime` is set.
+    pub require_confirmed: bool,
+    /// From the epoch to the first byte on the wire. 0 until it is known: what equal boards have
+    /// in common cancels between them. [ns]
+    pub latency_ns: u32,
+    /// How far off that may be. As long as the latency is taken for 0: 120 ms, what ArduPilot
+    /// assumes for the latency of an M8. [ns]
+    pub latency_uncertainty_ns: u32,
+    /// How much faster than the crystal the clock has to run.
+    pub frequency: Ppb,
+    /// How far off that may be. 50 ppm while it is taken for 0: the crystals of
+    /// three such boards were measured at +37, +37 and +44 ppm.
+    pub frequency_uncertainty: Ppb,
+}
+
+impl Settings {
+    /// An M8 on a Pixhawk 1 of which nothing has been learnt.
+    pub const DEFAULT: Self = Self {
+        require_confirmed: false,
+        latency_ns: 0,
+        latency_uncertainty_ns: 120_000_000,
+        frequency: Ppb(0),
+        frequency_uncertainty: Ppb::from_ppm(50),
+    };
+
+    /// 2016-01-01T00:00:00Z: no earlier epoch is believed. A constant, because the date of a
+    /// build would make old recordings unplayable and new firmware refuse an old receiver.
+    pub const EARLIEST: UtcNanos = UtcNanos(1_451_606_400_000_000_000);
+
+    /// The same for a receiver whose latency was measured [ns] and is known as well as one
+    /// that is learnt under a pulse; 0 leaves it unknown.
+    #[must_use]
+    pub const fn with_latency_ns(self, latency_ns: u32) -> Self {
+        if latency_ns == 0 {
+            return self;
+        }
+        Self {
+            latency_ns,
+            latency_uncertainty_ns: LEARNT_UNCERTAINTY_NS,
+            ..self
+        }
+    }
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}

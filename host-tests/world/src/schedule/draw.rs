@@ -209,8 +209,8 @@ impl Schedule {
     ///   has been set by right ones. So does a shifted pulse that TIM-TP confirms; that
     ///   one needs a clock that followed the pulse right before, or its phase is as good
     ///   as any.
-    /// - A pulse that leaves its second as slowly as a crystal moves is told by TIM-TP
-    ///   alone, which must not be held back or missing.
+    /// - A pulse that leaves its second as slowly as a crystal moves is told by TIM-TP's
+    ///   word, or by its absence: no lag and no silence may be the reason for that.
     /// - Wrong labels stand for less than 300 s: after that they are the reason to start
     ///   anew.
     /// - Restarts do not overlap, and one with another leap count shows: it is silent for 5 s,
@@ -388,7 +388,7 @@ const fn holds_tim_tp_back(kind: &FaultKind) -> bool {
 }
 
 fn drifts_from_its_second(kind: &FaultKind) -> bool {
-    matches!(kind, FaultKind::PulseFreeRun { phase_ms, .. } if *phase_ms == 0.0)
+    matches!(kind, FaultKind::PulseFreeRun { phase_ms, .. } if phase_ms.abs() <= 1.0)
 }
 
 /// Linear between knots of 20 s to 3 minutes, each piece at up to the steepest.
@@ -625,26 +625,29 @@ fn leap_early_or_silence(rng: &mut Rng, _: &FieldReceiver) -> Fault {
 }
 
 fn free_run(rng: &mut Rng, _: &FieldReceiver) -> Fault {
-    let drifts = rng.u32(..6) == 0;
-    let phase_ms = if drifts {
-        0.0
-    } else {
-        between(rng, 1.0, 999.0)
-    };
-    let word = match rng.u32(..4) {
-        0 if !drifts => PulseWord::Nothing,
-        1 => PulseWord::Fraction,
-        _ => PulseWord::NoUtc,
+    // From the second itself, from near to it, or from anywhere.
+    let near = rng.u32(..6);
+    let phase_ms = match near {
+        0 => 0.0,
+        1 => {
+            let phase_ms = reach(rng, 0.001, 1.0);
+            either_sign(rng, phase_ms)
+        }
+        _ => between(rng, 1.0, 999.0),
     };
     let ppm = reach(rng, 0.05, 5.0);
     let kind = FaultKind::PulseFreeRun {
         phase_ms,
-        ppm: if drifts || rng.bool() {
+        ppm: if near == 0 || rng.bool() {
             either_sign(rng, ppm)
         } else {
             0.0
         },
-        word,
+        word: match rng.u32(..4) {
+            0 => PulseWord::Nothing,
+            1 => PulseWord::Fraction,
+            _ => PulseWord::NoUtc,
+        },
     };
     as_long_as_you_like(rng, kind)
 }

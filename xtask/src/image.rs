@@ -119,12 +119,21 @@ pub fn build(build: Build) -> Result<PathBuf> {
         .env("PIXCLOCK_GPS_BAUD", gps_baud.to_string()))?;
     let target = target_dir()?;
     let built = target.join(TARGET).join("release").join("firmware");
-    let images = target.join("images");
-    std::fs::create_dir_all(&images)?;
-    let image = images.join(format!("{build}.elf"));
+    let image = folder()?.join(format!("{build}.elf"));
     std::fs::copy(&built, &image)
         .with_context(|| format!("cannot copy {} to {}", built.display(), image.display()))?;
     Ok(image)
+}
+
+/// Where images are kept.
+///
+/// # Errors
+///
+/// When it cannot be made.
+pub fn folder() -> Result<PathBuf> {
+    let folder = target_dir()?.join("images");
+    std::fs::create_dir_all(&folder)?;
+    Ok(folder)
 }
 
 /// Where cargo builds.

@@ -9,9 +9,10 @@ use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 
 use crate::image;
+use crate::qemu::machine;
 
 /// The release whose behaviour the node was built for.
 const PYMAVLINK: &str = "pymavlink==2.4.50";
@@ -35,11 +36,13 @@ pub fn run() -> Result<()> {
         Err(error) => return Err(error),
     };
     for (emulator, port) in [("sim", "5790"), ("qemu", "5791")] {
-        if emulator == "qemu" && !crate::qemu::is_there() {
+        if emulator == "qemu"
+            && let Err(error) = machine::check()
+        {
             if std::env::var_os("CI").is_some() {
-                bail!("QEMU is not on this machine");
+                return Err(error);
             }
-            println!("SKIPPED: QEMU is not on this machine");
+            println!("SKIPPED: {error}");
             continue;
         }
         let mut board = Board::start(emulator, port)?;

@@ -2,41 +2,36 @@
 //!
 //! *Purpose.* As `sim`, with an emulator that other people made.
 //!
-//! *Design.* QEMU connects the board's UART4 to a port of ours, where the simulated
-//! receiver sits, and offers USART2 on the MAVLink port. The log comes out of its
-//! standard output. One thread plays the receiver, one reads the log.
+//! *Design.* Each board is a [QEMU](machine) process, a thread that [plays](player) its receiver and
+//! a thread that reads its log. QEMU's time is this host's, so this host's clock is the reference:
+//! the time in a status line is compared with the host's at the moment at which the line is read.
 //!
-//! *Limits.* No baud timing: a burst arrives as fast as the firmware reads it, at
-//! any rate that the two ends may be set to. Virtual time is the host's, with its
-//! scheduling noise; ticks that QEMU lost are made good and counted by the firmware.
+//! *Limits.* The error that is shown has the host's scheduling noise in it, and the way of the line
+//! from QEMU to here: it is good to about a ms. Ticks that QEMU lost are made good and counted by
+//! the firmware. QEMU serves the MAVLink port itself, to one client at a time, and does not say who
+//! connects.
 
-use std::io::{ErrorKind, Read, Write};
-use std::net::{TcpListener, TcpStream};
-use std::os::unix::process::CommandExt as _;
+pub mod machine;
+pub mod player;
+
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitCode, Stdio};
+use std::process::{ChildStdout, ExitCode};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Sender, channel};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use console::{LogDecoder, Screen, Verdict};
-use variant::{Image, Variant};
-use world::{Receiver, ReceiverSettings, Recording, Talker, WorldNanos};
+use console::{Contents, Ending, LogDecoder, Report, Sample, Screen, Status, Verdict};
+use jiff::Timestamp;
+use timebase::ClockState;
+use world::{ReceiverSettings, Recording};
 
-use crate::image::{self, Board, Build};
-
-/// The emulator and its machine: an STM32F405 with SysTick at 168 MHz.
-const QEMU: &str = "qemu-system-arm";
-const MACHINE: &str = "netduinoplus2";
-
-/// The one command that installs QEMU on Debian and its children.
-const INSTALL: &str = "apt-get install -y qemu-system-arm";
-
-/// How long the receiver's thread waits for bytes at most, before it looks at the
-/// time and at Ctrl-C again.
-const PATIENCE: Duration = Duration::from_millis(20);
+use crate::image;
+use machine::MACHINE;
+use player::Player;
 
 /// What `qemu` can be asked for.
 #[derive(Args)]
@@ -50,16 +45,6 @@ pub struct QemuOptions {
 
 static ASKED_TO_END: AtomicBool = AtomicBool::new(false);
 
-/// Whether QEMU is on this machine.
-pub fn is_there() -> bool {
-    Command::new(QEMU)
-        .arg("--version")
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .status()
-        .is_ok_and(|status| status.success())
-}
-
 /// Runs boards on QEMU until the end of `--duration` or Ctrl-C.
 ///
 /// # Errors
@@ -68,258 +53,239 @@ pub fn is_there() -> bool {
 /// port is taken.
 pub fn run(options: &QemuOptions) -> Result<ExitCode> {
     if options.install {
-        image::run(Command::new("sh").args(["-c", INSTALL]))?;
+        machine::install()?;
         return Ok(ExitCode::SUCCESS);
     }
-    if !is_there() {
-        bail!(
-            "{QEMU} is not on this machine; `{INSTALL}` installs it, and so does `cargo xtask qemu --install`"
-        );
-    }
+    machine::check()?;
     let options = &options.run;
     let image = match &options.image {
         Some(image) => image.clone(),
-        None => build(options.variant())?,
+        None => machine::build(options.variant())?,
     };
     ctrlc::set_handler(|| ASKED_TO_END.store(true, Ordering::Relaxed))?;
-    let screens = thread::scope(|scope| {
-        let boards: Vec<_> = (0..options.boards)
+    let reference = Reference::new(options)?;
+    if !options.json {
+        announce(options);
+    }
+    let mut screen = Screen::new(Contents {
+        boards: options.qemu_boards().into(),
+        errors: options.ubx.is_none(),
+        verbose: options.verbose,
+    });
+    let (sender, reports) = channel();
+    let endings = thread::scope(|scope| {
+        let running: Vec<_> = (0..options.qemu_boards())
             .map(|index| {
-                let image = &image;
-                scope.spawn(move || run_board(options, image, index))
+                let (image, sender) = (&image, sender.clone());
+                scope.spawn(move || {
+                    let ended = run_board(options, image, index, reference, &sender);
+                    if ended.is_err() {
+                        ASKED_TO_END.store(true, Ordering::Relaxed);
+                    }
+                    ended
+                })
             })
             .collect();
-        boards
+        // The reports end when each board's sender is gone.
+        drop(sender);
+        console::show(&mut screen, &reports, Some(reference.started), options.json);
+        running
             .into_iter()
             .map(|board| {
-                board
-                    .join()
-                    .unwrap_or_else(|_| bail!("a board's thread panicked"))
+                let ended = board.join();
+                ended.unwrap_or_else(|_| bail!("a board's thread panicked"))
             })
             .collect::<Result<Vec<_>>>()
     })?;
-    if options.json {
-        let boards: Vec<_> = screens.iter().map(Screen::summary).collect();
-        println!("{}", serde_json::json!({ "boards": boards }));
-    } else {
-        for screen in &screens {
-            println!("{}", screen.closing_line());
-        }
+    console::print_summary(&screen, &endings, options.json);
+    let never_set = screen.verdict() == Verdict::NeverSet;
+    Ok(ExitCode::from(u8::from(
+        never_set && options.duration().is_some(),
+    )))
+}
+
+/// Says what runs, where it can be talked to, and what the columns mean.
+fn announce(options: &console::Options) {
+    let variant = options.variant();
+    println!(
+        "QEMU {MACHINE}, {}, tick {} µs",
+        variant.name(),
+        variant.tick_us()
+    );
+    for index in 0..options.qemu_boards() {
+        println!(
+            "board {}: tcp:127.0.0.1:{}, MAVLink system {}",
+            index + 1,
+            options.mavlink_port_of(index),
+            system_id(index)
+        );
     }
-    let never_set = screens
-        .iter()
-        .any(|screen| matches!(screen.verdict(), Verdict::NeverSet));
-    Ok(if never_set && options.duration().is_some() {
-        ExitCode::FAILURE
-    } else {
-        ExitCode::SUCCESS
-    })
+    println!(
+        "{}; ± is what the clock claims",
+        match options.ubx {
+            Some(_) => "a recording has no true time to compare with",
+            None => "a clock's error is against this host's clock, good to about a ms",
+        }
+    );
 }
 
-/// Builds the image for QEMU.
-///
-/// # Errors
-///
-/// When the build fails.
-pub fn build(variant: Variant) -> Result<PathBuf> {
-    image::build(Build {
-        image: Image::of(variant),
-        ..Build::standard(Board::Qemu)
-    })
+/// The MAVLink system of board `index`: 1, 2, …
+fn system_id(index: u16) -> u8 {
+    u8::try_from(index + 1).unwrap_or(u8::MAX)
 }
 
-/// QEMU with an image, not started yet: no window, the log on standard output.
-pub fn command(image: &Path) -> Command {
-    let mut qemu = Command::new(QEMU);
-    qemu.args(["-machine", MACHINE, "-display", "none", "-monitor", "none"])
-        .args(["-semihosting-config", "enable=on,target=native"])
-        .arg("-kernel")
-        .arg(image)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        // Ctrl-C is ours to handle.
-        .process_group(0);
-    qemu
+/// What all boards' clocks are compared with: this host's, or one that runs as it does.
+#[derive(Clone, Copy)]
+struct Reference {
+    started: Instant,
+    utc_at_start_ns: i64,
+}
+
+impl Reference {
+    /// One that begins now, with `--start` or this host's UTC.
+    fn new(options: &console::Options) -> Result<Self> {
+        let host = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?;
+        let host_ns = i64::try_from(host.as_nanos())?;
+        Ok(Self {
+            started: Instant::now(),
+            utc_at_start_ns: options.start.map_or(host_ns, |start| start.0),
+        })
+    }
+
+    /// UTC `since_start`, in ns since 1970.
+    fn utc_ns(self, since_start: Duration) -> i64 {
+        let since_start = i64::try_from(since_start.as_nanos()).unwrap_or(i64::MAX);
+        self.utc_at_start_ns.saturating_add(since_start)
+    }
 }
 
 /// One board with its receiver, to the end.
-fn run_board(options: &console::Options, image: &Path, index: u16) -> Result<Screen> {
-    let elf = std::fs::read(image).with_context(|| format!("cannot read {}", image.display()))?;
-    let mut decoder = LogDecoder::new(&elf)?;
-    let mut screen = Screen::new(options, index);
-    let port = options.mavlink_port_of(index);
-    let mavlink = format!("tcp:127.0.0.1:{port},server=on,wait=off");
-    let (mut qemu, line) = power_on(&mut command(image), &mavlink)?;
-    if !options.json {
-        println!(
-            "QEMU {MACHINE} on tcp:127.0.0.1:{port}, {}, tick {} µs",
-            options.variant().name(),
-            options.variant().tick_us()
-        );
-    }
-    let started = Instant::now();
-    let mut talker = talker(options, index)?;
-    let mut log = qemu.0.stdout.take().context("QEMU has no output")?;
+fn run_board(
+    options: &console::Options,
+    image: &Path,
+    index: u16,
+    reference: Reference,
+    reports: &Sender<(usize, Report)>,
+) -> Result<Ending> {
+    let (image, elf) = image_of_board(image, index)?;
+    let decoder = LogDecoder::new(&elf)?;
+    let mavlink_port = options.mavlink_port_of(index);
+    let mavlink = format!("tcp:127.0.0.1:{mavlink_port},server=on,wait=off");
+    let (mut qemu, line) = machine::power_on(&mut machine::command(&image), &mavlink)?;
+    // The receiver's world begins when QEMU has connected it.
+    let powered = Instant::now();
+    let utc_ns = reference.utc_ns(powered - reference.started);
+    let mut player = player(options, index, utc_ns)?;
+    let log = qemu.0.stdout.take().context("QEMU has no output")?;
+    let started = reference.started;
     let is_over = || {
-        ASKED_TO_END.load(Ordering::Relaxed)
-            || options
-                .duration()
-                .is_some_and(|limit| started.elapsed() >= limit)
+        let limit = options.duration();
+        ASKED_TO_END.load(Ordering::Relaxed) || limit.is_some_and(|it| started.elapsed() >= it)
     };
-    thread::scope(|scope| {
-        let reading = scope.spawn(|| {
-            let mut buffer = [0; 4096];
-            while let Ok(count) = log.read(&mut buffer) {
-                let Some(bytes) = buffer.get(..count).filter(|bytes| !bytes.is_empty()) else {
-                    break;
-                };
-                for line in decoder.push(bytes) {
-                    screen.show(started.elapsed(), &line);
-                }
-            }
-        });
-        let played = play(&mut talker, line, started, is_over);
+    let damaged_log_frames = thread::scope(|scope| {
+        let reports = |report| drop(reports.send((index.into(), report)));
+        let reading = scope.spawn(move || read_log(log, decoder, reference, reports));
+        let played = player.play(line, powered, is_over);
         // The log ends with it.
         drop(qemu);
         let read = reading.join();
         played?;
         read.or_else(|_| bail!("reading the log failed"))
     })?;
-    Ok(screen)
+    Ok(Ending {
+        mavlink_port,
+        ran: powered.elapsed(),
+        damaged_log_frames,
+        ..Ending::default()
+    })
 }
 
-/// Starts `qemu` with its USART2 at `mavlink`, and returns it with the line of its UART4.
-///
-/// # Errors
-///
-/// When QEMU cannot be started or ends at once, a port being taken.
-pub fn power_on(qemu: &mut Command, mavlink: &str) -> Result<(Running, TcpStream)> {
-    let receiver_port = TcpListener::bind("127.0.0.1:0")?;
-    let gps = format!("tcp:{}", receiver_port.local_addr()?);
-    // In QEMU's order: USART1, 2, 3, UART4.
-    let mut qemu = Running(
-        qemu.args(["-serial", "null", "-serial", mavlink])
-            .args(["-serial", "null", "-serial", &gps])
-            .spawn()
-            .context("cannot start QEMU")?,
-    );
-    receiver_port.set_nonblocking(true)?;
-    loop {
-        match receiver_port.accept() {
-            Ok((line, _)) => {
-                line.set_nonblocking(false)?;
-                return Ok((qemu, line));
+/// A copy of `image` for board `index`, with a system id of its own: its file and its bytes.
+fn image_of_board(image: &Path, index: u16) -> Result<(PathBuf, Vec<u8>)> {
+    let elf = std::fs::read(image).with_context(|| format!("cannot read {}", image.display()))?;
+    let id = system_id(index);
+    let elf = console::with_system_id(&elf, id)?;
+    let stem = image.file_stem().context("an image has a name")?;
+    let name = format!("{}-system{id}.elf", stem.to_string_lossy());
+    let place = image::folder()?.join(name);
+    std::fs::write(&place, &elf).with_context(|| format!("cannot write {}", place.display()))?;
+    Ok((place, elf))
+}
+
+/// Reports each line of `log` until its end, and a sample for each status line; how many frames of
+/// it were damaged.
+fn read_log(
+    mut log: ChildStdout,
+    mut decoder: LogDecoder,
+    reference: Reference,
+    report: impl Fn(Report),
+) -> u64 {
+    let mut buffer = [0; 4096];
+    let mut seconds = 0;
+    while let Ok(count @ 1..) = log.read(&mut buffer) {
+        let at = reference.started.elapsed();
+        for line in decoder.push(buffer.get(..count).unwrap_or_default()) {
+            let status = Status::parse(&line.text);
+            report(Report::Log { at, line });
+            if let Some(status) = status {
+                seconds += 1;
+                let sample = sample(&status, reference.utc_ns(at));
+                report(Report::Sample {
+                    at_s: seconds,
+                    sample,
+                });
             }
-            Err(error) if error.kind() == ErrorKind::WouldBlock => {}
-            Err(error) => return Err(error.into()),
         }
-        if qemu.0.try_wait()?.is_some() {
-            bail!("QEMU ended by itself, having said why; is a port taken?");
-        }
-        thread::sleep(PATIENCE);
     }
+    decoder.damaged()
 }
 
-/// A QEMU that ends when it is dropped.
-pub struct Running(pub Child);
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        // It may have ended by itself.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-/// Who talks on a board's GPS line.
-enum Player {
-    Receiver(Box<Receiver>),
-    Recording(Recording),
-}
-
-impl Player {
-    /// QEMU has no rates: whatever the board is set to is understood.
-    fn baud(&self) -> u32 {
-        match self {
-            Self::Receiver(receiver) => receiver.port().baud,
-            Self::Recording(_) => 115_200,
-        }
-    }
-
-    fn talker(&mut self) -> &mut dyn Talker {
-        match self {
-            Self::Receiver(receiver) => &mut **receiver,
-            Self::Recording(recording) => recording,
-        }
-    }
-}
-
-fn talker(options: &console::Options, index: u16) -> Result<Player> {
-    if let Some(path) = &options.ubx {
-        let bytes =
-            std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
-        return match Recording::new(&bytes) {
-            Ok(recording) => Ok(Player::Recording(recording)),
-            Err(none) => bail!("{}: {none}", path.display()),
-        };
-    }
-    let utc_ns = match options.start {
-        Some(start) => start.0,
-        None => {
-            let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?;
-            i64::try_from(now.as_nanos())?
-        }
+/// What a status line that was read at `utc_ns` says of the clock.
+fn sample(status: &Status, utc_ns: i64) -> Sample {
+    let Some(state @ (ClockState::Set | ClockState::Holdover)) = status.state() else {
+        return Sample::UNSET;
     };
-    let mut settings = ReceiverSettings::new(utc_ns);
-    settings.seed = u64::from(index);
-    Ok(Player::Receiver(Box::new(Receiver::new(settings))))
-}
-
-/// Plays a receiver like `settings` in real time on `line` until `is_over`.
-///
-/// # Errors
-///
-/// When QEMU has ended.
-pub fn play_receiver(
-    settings: ReceiverSettings,
-    line: TcpStream,
-    started: Instant,
-    is_over: impl Fn() -> bool,
-) -> Result<()> {
-    let mut player = Player::Receiver(Box::new(Receiver::new(settings)));
-    play(&mut player, line, started, is_over)
-}
-
-/// Plays the receiver in real time until `is_over`.
-fn play(
-    player: &mut Player,
-    mut line: TcpStream,
-    started: Instant,
-    is_over: impl Fn() -> bool,
-) -> Result<()> {
-    let now = || WorldNanos(u64::try_from(started.elapsed().as_nanos()).unwrap_or(u64::MAX));
-    let mut buffer = [0; 256];
-    while !is_over() {
-        while let Some(burst) = player.talker().poll(now()) {
-            if line.write_all(&burst.bytes).is_err() {
-                bail!("QEMU ended by itself");
-            }
-        }
-        let until_next = player.talker().next_event().map_or(PATIENCE, |next| {
-            Duration::from_nanos(next.0.saturating_sub(now().0))
-        });
-        let patience = until_next.clamp(Duration::from_millis(1), PATIENCE);
-        line.set_read_timeout(Some(patience))?;
-        match line.read(&mut buffer) {
-            Ok(0) => bail!("QEMU ended by itself"),
-            Ok(count) => {
-                let baud = player.baud();
-                let heard = buffer.get(..count).unwrap_or_default();
-                player.talker().handle_bytes(now(), baud, heard);
-            }
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
-            Err(_) => bail!("QEMU ended by itself"),
-        }
+    let shown: Option<Timestamp> = status.get("utc").and_then(|utc| utc.parse().ok());
+    let shown_ns = shown.and_then(|utc| i64::try_from(utc.as_nanosecond()).ok());
+    let uncertainty = status.number("unc_ns").map(u32::try_from);
+    Sample {
+        state,
+        offset_ns: shown_ns.map(|ns| ns - utc_ns),
+        uncertainty_ns: uncertainty.and_then(Result::ok).unwrap_or(u32::MAX),
     }
-    Ok(())
+}
+
+/// Who plays the receiver of board `index`, which gets power at `utc_ns`.
+fn player(options: &console::Options, index: u16, utc_ns: i64) -> Result<Player> {
+    let Some(path) = &options.ubx else {
+        return Ok(Player::receiver(ReceiverSettings {
+            seed: index.into(),
+            ..ReceiverSettings::new(utc_ns)
+        }));
+    };
+    let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let recording = Recording::new(&bytes).with_context(|| format!("in {}", path.display()))?;
+    Ok(Player::Recording(recording))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sample_is_the_status_line_less_the_hosts_time() {
+        let status = |text| Status::parse(text).expect("a status line");
+        let set =
+            status("status state=set source=pulse utc=2026-11-22T04:00:00.123456Z unc_ns=410");
+        assert_eq!(
+            sample(&set, 1_795_320_000_123_000_000),
+            Sample {
+                state: ClockState::Set,
+                offset_ns: Some(456_000),
+                uncertainty_ns: 410,
+            }
+        );
+        let unset = status("status state=unset source=- utc=- unc_ns=4294967295");
+        assert_eq!(sample(&unset, 0), Sample::UNSET);
+    }
 }

@@ -17,7 +17,7 @@ use anyhow::{Context, Result, bail};
 use variant::{TICKS_US, Variant};
 
 use crate::image;
-use crate::qemu::{self, Running};
+use crate::qemu::machine::{self, Running};
 
 /// SysTick's interrupt (`-trace`) and semihosting (`-d int`) in QEMU's log.
 const TICK: &str = "systick_timer_tick";
@@ -35,9 +35,7 @@ const PATIENCE: Duration = Duration::from_secs(120);
 ///
 /// When a count is wrong, or QEMU is not there.
 pub fn check() -> Result<()> {
-    if !qemu::is_there() {
-        bail!("QEMU is not on this machine; `cargo xtask qemu --install` installs it");
-    }
+    machine::check()?;
     for tick_us in TICKS_US {
         let expected = 1_000_000 / tick_us as usize;
         let counted = count(tick_us)?;
@@ -51,10 +49,10 @@ pub fn check() -> Result<()> {
 
 /// Interrupts of SysTick in the second between two status lines.
 fn count(tick_us: u32) -> Result<usize> {
-    let image = qemu::build(Variant::Pixclock { tick_us })?;
+    let image = machine::build(Variant::Pixclock { tick_us })?;
     let log = image::target_dir()?.join(format!("qemu-ticks-{tick_us}us.log"));
     let qemu = Running(
-        qemu::command(&image)
+        machine::command(&image)
             .args([
                 "-icount",
                 "shift=3,sleep=off",

@@ -25,6 +25,7 @@ use variant::Image;
 
 use crate::image::{self, Board, Build};
 use crate::link::{Address, Link};
+use crate::qemu;
 use crate::tool;
 use board::Connected;
 
@@ -89,7 +90,7 @@ fn on_qemu(options: &Options) -> Result<ExitCode> {
     if methods.is_empty() {
         wrong_usage("QEMU has no input capture, so no board of it can follow a pulse");
     }
-    emulated::check()?;
+    qemu::machine::check()?;
     ctrl_c::catch()?;
     let mut results = Results::new(options, Place::Qemu, conditions(options, "2 on QEMU"))?;
     let each_s = u64::from(options.settle) + u64::from(options.duration);

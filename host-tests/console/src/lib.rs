@@ -1,22 +1,34 @@
-//! What a person sees of a running board: its log decoded, a status line a second.
+//! What a person sees of running boards: a row of figures a second, and what happens, in words.
 //!
-//! *Purpose.* The part of `sim` and `qemu` that does not care which emulator runs
-//! the board: the options they share, the firmware's log, the status line and the
-//! summary at the end.
+//! *Purpose.* The part of `sim` and `qemu` that does not depend on which emulator runs the boards:
+//! the options they share, the firmware's log, the screen and the summary.
 //!
-//! *Design.* [`Options`] is parsed here, so that whoever builds the image and
-//! whoever runs it read the same words.
-//! [`LogDecoder`] turns bytes into [`LogLine`]s; a line that begins with `status ` is a
-//! [`Status`]; [`Screen`] prints, and keeps what the summary needs.
+//! *Design.* [`Options`] is parsed here, because one program builds the image and another runs it.
+//! [`LogDecoder`] turns bytes into [`LogLine`]s; a line that begins with `status ` is a [`Status`].
+//! [`Screen`] takes lines, [`Event`]s and [`Sample`]s of all boards and makes the lines to print,
+//! and in the end the summary.
 //!
 //! *Limits.* Nothing here starts, stops or paces anything.
 
+mod board;
+mod event;
+mod image;
 mod log;
 mod options;
+mod output;
+mod row;
+mod sample;
 mod screen;
 mod status;
+mod summary;
+pub mod units;
 
+pub use event::Event;
+pub use image::{patched, with_system_id};
 pub use log::{Level, LogDecoder, LogLine};
-pub use options::{DEFAULT_MAVLINK_PORT, MAX_BOARDS, Options, SimOptions, UtcNanos};
-pub use screen::{Screen, Verdict};
+pub use options::{DEFAULT_MAVLINK_PORT, MAX_BOARDS, Options, SimOptions, UtcNanos, renamed};
+pub use output::{Report, print_summary, show};
+pub use sample::Sample;
+pub use screen::{Contents, Screen, Verdict};
 pub use status::Status;
+pub use summary::Ending;

@@ -2,29 +2,31 @@
 //!
 //! *Purpose.* One place where they are named, checked and explained.
 //!
-//! *Design.* [`Options`] is what the two share, [`SimOptions`] adds what only `sim` has.
-//! Whoever builds the image reads the same struct for `--tick-us` and hands the built
-//! image over with `--image`.
+//! *Design.* [`Options`] is what the two share, [`SimOptions`] adds what only `sim` has. `cargo
+//! xtask` reads them to build the image, and hands its path over with `--image`.
 //!
-//! *Limits.* A wrong option ends the program with exit code 2 and says what is
-//! allowed; files are opened later, by whoever needs them.
+//! *Limits.* A wrong option ends the program with exit code 2 and says what is allowed. Files are
+//! opened later.
 
+use std::convert::Infallible;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
-use clap::builder::TypedValueParser as _;
+use clap::builder::{StringValueParser, TypedValueParser as _};
 use variant::{TICKS_US, Variant};
 
 /// The first board's MAVLink port: where ground stations look for a simulator.
 pub const DEFAULT_MAVLINK_PORT: u16 = 5_760;
 /// How many boards a run may have.
 pub const MAX_BOARDS: u16 = 16;
+/// How many `sim` has unless asked for another number: two can disagree.
+const SIM_BOARDS: u16 = 2;
 
 /// The last port that leaves room for every board after the first.
 const MAX_PORT: i64 = (u16::MAX - (MAX_BOARDS - 1)) as i64;
 
-/// What a receiver can tell, as far as the firmware's calendar goes.
+/// The years of the firmware's calendar.
 const FIRST_YEAR: i16 = 1_980;
 const LAST_YEAR: i16 = 2_100;
 
@@ -45,7 +47,7 @@ pub struct Options {
     #[arg(long, value_name = "TIME", value_parser = parse_utc)]
     pub start: Option<UtcNanos>,
 
-    /// Build the firmware for a tick of so many µs
+    /// Build the firmware for this tick, in µs
     #[arg(long, value_name = "N", default_value = "50", value_parser = tick_parser())]
     tick_us: u32,
 
@@ -54,23 +56,31 @@ pub struct Options {
     #[arg(long, value_name = "VARIANT", conflicts_with = "tick_us")]
     variant: Option<Variant>,
 
+    /// The old name of `--variant`.
+    #[arg(long, hide = true, num_args = 0..=1, default_missing_value = "", value_parser = renamed("--variant"))]
+    way: Option<Infallible>,
+
     /// The TCP port of the first board's MAVLink; the next boards take the next ports
     #[arg(long, value_name = "P", default_value_t = DEFAULT_MAVLINK_PORT, value_parser = clap::value_parser!(u16).range(1_024..=MAX_PORT))]
     pub mavlink_port: u16,
 
-    /// End after so many seconds; without it, at Ctrl-C
+    /// End after this many seconds; without it, at Ctrl-C
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u64).range(1..=31_536_000))]
     duration: Option<u64>,
 
-    /// How many boards to run
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=i64::from(MAX_BOARDS)))]
-    pub boards: u16,
+    /// How many boards to run; without it, two in `sim` and one on QEMU or with `--ubx`
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MAX_BOARDS)))]
+    boards: Option<u16>,
+
+    /// Print each board's status line, too, with every counter
+    #[arg(long, conflicts_with = "json")]
+    pub verbose: bool,
 
     /// Print one JSON object at the end instead of lines for people
     #[arg(long)]
     pub json: bool,
 
-    /// The firmware image to run; `cargo xtask` builds one and fills this in
+    /// The firmware image to run; without it, `cargo xtask` builds one
     #[arg(long, value_name = "PATH")]
     pub image: Option<PathBuf>,
 }
@@ -87,7 +97,25 @@ pub struct SimOptions {
     pub pulse: bool,
 }
 
+impl SimOptions {
+    /// How many boards to run. A recording is of one receiver.
+    #[must_use]
+    pub const fn boards(&self) -> u16 {
+        match (self.shared.boards, &self.shared.ubx) {
+            (Some(boards), _) => boards,
+            (None, Some(_)) => 1,
+            (None, None) => SIM_BOARDS,
+        }
+    }
+}
+
 impl Options {
+    /// How many boards to run on QEMU.
+    #[must_use]
+    pub fn qemu_boards(&self) -> u16 {
+        self.boards.unwrap_or(1)
+    }
+
     /// How long the run is to last; `None` is until Ctrl-C.
     #[must_use]
     pub fn duration(&self) -> Option<Duration> {
@@ -107,6 +135,12 @@ impl Options {
     pub const fn mavlink_port_of(&self, index: u16) -> u16 {
         self.mavlink_port.wrapping_add(index)
     }
+}
+
+/// The parser of an option that has another name now: every value of it is refused with `new`.
+pub fn renamed(new: &'static str) -> impl clap::builder::TypedValueParser<Value = Infallible> {
+    StringValueParser::new()
+        .try_map(move |_| Err::<Infallible, _>(format!("its name is `{new}` now")))
 }
 
 fn tick_parser() -> impl clap::builder::TypedValueParser<Value = u32> {
@@ -137,21 +171,44 @@ mod tests {
     use clap::Parser as _;
 
     #[derive(clap::Parser, Debug)]
-    struct Program {
+    struct Sim {
         #[command(flatten)]
-        options: Options,
+        options: SimOptions,
+    }
+
+    fn parse_sim(words: &[&str]) -> Result<SimOptions, clap::Error> {
+        Sim::try_parse_from(["sim"].iter().chain(words)).map(|sim| sim.options)
     }
 
     fn parse(words: &[&str]) -> Result<Options, clap::Error> {
-        Program::try_parse_from(["sim"].iter().chain(words)).map(|program| program.options)
+        parse_sim(words).map(|options| options.shared)
     }
 
     #[test]
-    fn without_options_it_is_one_board_at_50_us_on_5760_until_ctrl_c() {
-        let options = parse(&[]).unwrap();
-        assert_eq!((options.boards, options.variant()), (1, Variant::STANDARD));
-        assert_eq!(options.mavlink_port_of(0), 5_760);
+    fn without_options_it_is_two_boards_at_50_us_from_5760_on_until_ctrl_c() {
+        let sim = parse_sim(&[]).unwrap();
+        let options = &sim.shared;
+        assert_eq!((sim.boards(), options.variant()), (2, Variant::STANDARD));
+        assert_eq!(options.qemu_boards(), 1);
+        let ports = [0, 1].map(|index| options.mavlink_port_of(index));
+        assert_eq!(ports, [5_760, 5_761]);
         assert_eq!(options.duration(), None);
+    }
+
+    #[test]
+    fn a_recording_is_played_to_one_board_unless_more_are_asked_for() {
+        assert_eq!(parse_sim(&["--ubx", "a.ubx"]).unwrap().boards(), 1);
+        let three = parse_sim(&["--ubx", "a.ubx", "--boards", "3"]).unwrap();
+        assert_eq!((three.boards(), three.shared.qemu_boards()), (3, 3));
+    }
+
+    #[test]
+    fn an_old_word_is_refused_with_the_new_one() {
+        for old in [&["--way", "paper-step1"][..], &["--way"]] {
+            let error = parse(old).unwrap_err();
+            assert_eq!(error.exit_code(), 2, "{error}");
+            assert!(error.to_string().contains("`--variant`"), "{error}");
+        }
     }
 
     #[test]
@@ -205,18 +262,10 @@ mod tests {
 
     #[test]
     fn a_pulse_needs_a_receiver_that_makes_one_and_a_variant_that_follows_it() {
-        #[derive(clap::Parser, Debug)]
-        struct Sim {
-            #[command(flatten)]
-            options: SimOptions,
-        }
-        let parse = |words: &[&str]| {
-            Sim::try_parse_from(["sim", "--pulse"].iter().chain(words)).map(|sim| sim.options)
-        };
-        let options = parse(&["--tick-us", "200"]).unwrap();
-        assert!(options.pulse);
-        for wrong in [["--ubx", "a.ubx"], ["--variant", "paper-step1"]] {
-            assert_eq!(parse(&wrong).unwrap_err().exit_code(), 2, "{wrong:?}");
+        assert!(parse_sim(&["--pulse", "--tick-us", "200"]).unwrap().pulse);
+        for [option, value] in [["--ubx", "a.ubx"], ["--variant", "paper-step1"]] {
+            let error = parse_sim(&["--pulse", option, value]).unwrap_err();
+            assert_eq!(error.exit_code(), 2, "{option}");
         }
     }
 

@@ -3,10 +3,12 @@
 //! *Purpose.* Once a second the firmware logs `status state=set utc=… marks=5 …`;
 //! [`Status`] is that line as pairs, in its own order.
 //!
-//! *Design.* The pairs are the firmware's; nothing here names them but the state,
-//! which a verdict needs. So a new counter shows without a change here.
+//! *Design.* The pairs are the firmware's. Named here are the state, and what the keys of refusals
+//! begin with: a new counter shows without a change.
 //!
 //! *Limits.* Keys and values are words without blanks and `=`.
+
+use timebase::ClockState;
 
 use serde_json::{Map, Number, Value};
 
@@ -43,10 +45,29 @@ impl Status {
         self.get(key)?.parse().ok()
     }
 
+    /// The state of the clock.
+    #[must_use]
+    pub fn state(&self) -> Option<ClockState> {
+        let word = self.get("state")?;
+        [ClockState::Unset, ClockState::Set, ClockState::Holdover]
+            .into_iter()
+            .find(|state| state.as_str() == word)
+    }
+
     /// The clock keeps UTC: it was set and marks still come.
     #[must_use]
     pub fn is_set(&self) -> bool {
-        self.get("state") == Some("set")
+        self.state() == Some(ClockState::Set)
+    }
+
+    /// Marks and pulses that were not believed, by kind, as in `mark_outlier`: those counters
+    /// that are not 0.
+    pub fn refusals(&self) -> impl Iterator<Item = (&str, u64)> {
+        self.pairs()
+            .filter(|(key, _)| key.starts_with("mark_") || key.starts_with("pulse_"))
+            // A lock is what one hopes for.
+            .filter(|(key, _)| *key != "pulse_locks")
+            .filter_map(|(key, count)| Some((key, count.parse().ok()?)))
     }
 
     /// The pairs, in the firmware's order.
@@ -81,6 +102,7 @@ mod tests {
         let status = Status::parse(LINE).unwrap();
         let keys: Vec<_> = status.pairs().map(|(key, _)| key).collect();
         assert_eq!(keys, ["state", "utc", "unc_us", "marks", "leap"]);
+        assert_eq!(status.state(), Some(ClockState::Set));
         assert!(status.is_set());
         assert_eq!(status.number("unc_us"), Some(120_001));
         assert_eq!(status.number("utc"), None);
@@ -89,7 +111,16 @@ mod tests {
     #[test]
     fn a_line_that_only_speaks_of_a_status_is_none() {
         assert_eq!(Status::parse("the status state=set"), None);
-        assert!(!Status::parse("status state=unset").unwrap().is_set());
+    }
+
+    #[test]
+    fn refusals_are_the_counters_of_marks_and_pulses_and_no_others() {
+        let text = "status source=pulse marks=5 refused=3 mark_late=2 pulses=9 pulse_locks=1 \
+                    pulse_off_second=1 mav_unknown=4";
+        let status = Status::parse(text).unwrap();
+        let refusals: Vec<_> = status.refusals().collect();
+        assert_eq!(refusals, [("mark_late", 2), ("pulse_off_second", 1)]);
+        assert_eq!(status.state(), None);
     }
 
     #[test]

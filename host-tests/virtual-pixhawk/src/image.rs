@@ -134,18 +134,18 @@ impl Firmware {
     pub fn with_instruction(&self, name: &str, instruction: u16) -> anyhow::Result<Self> {
         let Symbol { address, size } = self.symbol(name)?;
         ensure!(size >= 2, "{name} is no function");
-        let address = u64::from(address);
-        let file = object::File::parse(&*self.elf)?;
-        let place = file.sections().find_map(|section| {
-            let (offset, _) = section.file_range()?;
-            let inside = address.checked_sub(section.address())?;
-            (inside < section.size()).then_some(offset + inside)
-        });
-        let place = usize::try_from(place.with_context(|| format!("no code of {name}"))?)?;
-        let mut elf = self.elf.clone();
-        let code = elf.get_mut(place..place + 2).context("it is cut off")?;
-        code.copy_from_slice(&instruction.to_le_bytes());
+        let elf = console::patched(&self.elf, address.into(), &instruction.to_le_bytes())?;
         Self::parse(&self.path, elf)
+    }
+
+    /// The same image, but that its board is MAVLink system `id`: the one word that differs
+    /// between virtual boards, and from what is flashed.
+    ///
+    /// # Errors
+    ///
+    /// The image has no such word.
+    pub fn with_system_id(&self, id: u8) -> anyhow::Result<Self> {
+        Self::parse(&self.path, console::with_system_id(&self.elf, id)?)
     }
 
     /// The whole ELF file.

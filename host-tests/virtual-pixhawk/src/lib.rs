@@ -38,5 +38,5 @@ pub use meter::{Profile, Tally};
 pub use operator::Logged;
 pub use run::{Builder, Connector, Pixhawk};
 pub use script::Script;
-pub use tcp::TcpLine;
+pub use tcp::{TcpLine, Visits};
 pub use wire::ReceivedByte;

@@ -14,6 +14,8 @@
 
 use std::io::{ErrorKind, Read as _, Write as _};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use anyhow::Context as _;
 use world::{Sent, Talker, Transmission, WorldNanos};
@@ -33,6 +35,31 @@ pub struct TcpLine {
     baud: u32,
     next_look: WorldNanos,
     line_free: WorldNanos,
+    counts: Arc<Counts>,
+}
+
+/// How many clients have come and gone since the start.
+#[derive(Debug, Default)]
+struct Counts {
+    came: AtomicU32,
+    left: AtomicU32,
+}
+
+/// Who comes to a [`TcpLine`] and leaves it, for someone who does not own it.
+#[derive(Debug)]
+pub struct Visits {
+    counts: Arc<Counts>,
+    seen: (u32, u32),
+}
+
+impl Visits {
+    /// How many clients have come and how many have left since the last call.
+    pub fn take(&mut self) -> (u32, u32) {
+        let Counts { came, left } = &*self.counts;
+        let now = (came.load(Ordering::Relaxed), left.load(Ordering::Relaxed));
+        let before = std::mem::replace(&mut self.seen, now);
+        (now.0.wrapping_sub(before.0), now.1.wrapping_sub(before.1))
+    }
 }
 
 impl TcpLine {
@@ -52,7 +79,18 @@ impl TcpLine {
             baud: FIRST_BAUD,
             next_look: WorldNanos(0),
             line_free: WorldNanos(0),
+            counts: Arc::default(),
         })
+    }
+
+    /// Who comes and leaves from now on.
+    #[must_use]
+    pub fn visits(&self) -> Visits {
+        let counts = Arc::clone(&self.counts);
+        let seen = (0, 0);
+        let mut visits = Visits { counts, seen };
+        visits.take();
+        visits
     }
 
     /// The port that it listens on.
@@ -69,6 +107,7 @@ impl TcpLine {
             // Without these a socket could stop the run, or delay an answer.
             if client.set_nonblocking(true).is_ok() && client.set_nodelay(true).is_ok() {
                 self.clients.push(client);
+                self.counts.came.fetch_add(1, Ordering::Relaxed);
             }
         }
     }
@@ -110,8 +149,11 @@ impl Talker for TcpLine {
         }
         self.next_look = now.plus(LOOK_EVERY_NS);
         self.welcome();
+        let connected = self.clients.len();
         self.write();
         let bytes = self.read();
+        let left = connected.saturating_sub(self.clients.len()) as u32;
+        self.counts.left.fetch_add(left, Ordering::Relaxed);
         if bytes.is_empty() {
             return None;
         }
@@ -179,6 +221,7 @@ mod tests {
     #[test]
     fn a_client_that_has_gone_makes_room_for_the_next() {
         let mut line = TcpLine::listen(0).unwrap();
+        let mut visits = line.visits();
         for word in [b"one", b"two"] {
             client(&line).write_all(word).unwrap();
             assert_eq!(poll_patiently(&mut line).unwrap().bytes, word);
@@ -186,6 +229,8 @@ mod tests {
         line.handle_bytes(WorldNanos(0), 57_600, b"to nobody");
         assert_eq!(line.poll(line.next_event().unwrap()), None);
         assert!(line.clients.is_empty());
+        assert_eq!(visits.take(), (2, 2));
+        assert_eq!(visits.take(), (0, 0));
     }
 
     #[test]

@@ -15,25 +15,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Instant, SystemTime};
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use testbed::Options;
 use world::ReceiverSettings;
 
 use super::board::Connected;
 use crate::link::Link;
-use crate::qemu;
-
-/// Checks that QEMU is there.
-///
-/// # Errors
-///
-/// When it is not, with how to get it.
-pub fn check() -> Result<()> {
-    if !qemu::is_there() {
-        bail!("QEMU is not on this machine; `cargo xtask qemu --install` installs it");
-    }
-    Ok(())
-}
+use crate::qemu::machine;
+use crate::qemu::player::Player;
 
 /// Has `test` done on a board for each of `images`.
 ///
@@ -54,8 +43,8 @@ pub fn with_boards<T>(
             for (index, image) in images.iter().enumerate() {
                 let port = TcpListener::bind("127.0.0.1:0")?;
                 let mavlink = format!("tcp:{}", port.local_addr()?);
-                let mut command = qemu::command(image);
-                let (qemu, gps) = qemu::power_on(command.stdout(Stdio::null()), &mavlink)?;
+                let mut command = machine::command(image);
+                let (qemu, gps) = machine::power_on(command.stdout(Stdio::null()), &mavlink)?;
                 running.push(qemu);
                 let (line, _) = port.accept()?;
                 let name = format!("board {}", index + 1);
@@ -64,7 +53,7 @@ pub fn with_boards<T>(
                 let started = Instant::now();
                 let is_over = || is_over.load(Ordering::Relaxed);
                 // A QEMU that ends by itself is a board that falls silent.
-                scope.spawn(move || qemu::play_receiver(settings, gps, started, is_over));
+                scope.spawn(move || Player::receiver(settings).play(gps, started, is_over));
             }
             Ok(())
         };

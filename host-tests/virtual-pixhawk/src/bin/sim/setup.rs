@@ -1,0 +1,144 @@
+//! The boards before they have power.
+//!
+//! *Purpose.* What the options ask for, as boards with a crystal, a receiver and a line each.
+
+use std::time::SystemTime;
+
+use anyhow::Context as _;
+use console::{SimOptions, UtcNanos};
+use virtual_pixhawk::{Builder, Firmware, TcpLine};
+use world::{Pulses, Receiver, ReceiverSettings, Recording};
+
+use crate::life::Life;
+
+/// What the crystals of two Cubes were off by, in 10⁻⁹.
+const CRYSTALS_PPB: [i32; 2] = [37_000, 44_000];
+
+/// What all boards share.
+pub struct Setup<'a> {
+    options: &'a SimOptions,
+    firmware: Firmware,
+    recording: Option<Recording>,
+    utc_at_start_ns: i64,
+}
+
+impl<'a> Setup<'a> {
+    /// Reads the files that `options` name.
+    ///
+    /// # Errors
+    ///
+    /// Says which option has to be another.
+    pub fn new(options: &'a SimOptions) -> anyhow::Result<Self> {
+        let shared = &options.shared;
+        let image = shared.image.as_deref().context(
+            "--image PATH is missing; `cargo xtask sim` builds the image and fills it in",
+        )?;
+        let recording = shared.ubx.as_deref().map(|path| {
+            let bytes = std::fs::read(path)?;
+            Ok::<_, anyhow::Error>(Recording::new(&bytes)?)
+        });
+        let recording = recording.transpose().context("--ubx")?;
+        Ok(Self {
+            options,
+            firmware: Firmware::read(image).context("--image")?,
+            recording,
+            utc_at_start_ns: shared.start.map_or_else(host_utc, Ok)?.0,
+        })
+    }
+
+    /// Gives board `index`, counted from 0, its power.
+    ///
+    /// # Errors
+    ///
+    /// Its port is taken, or the emulator refuses its image.
+    pub fn power_on(&self, index: u16) -> anyhow::Result<Life> {
+        let mavlink_port = self.options.shared.mavlink_port_of(index);
+        let line = TcpLine::listen(mavlink_port)?;
+        let visits = line.visits();
+        let firmware = self.firmware.with_system_id(system_id(index))?;
+        let builder = Builder::new(firmware)
+            .crystal_ppb(crystal_ppb(index))
+            .telem1(line);
+        let builder = match &self.recording {
+            Some(recording) => builder.gps(recording.clone()),
+            None => {
+                let settings = ReceiverSettings {
+                    seed: index.into(),
+                    ..ReceiverSettings::new(self.utc_at_start_ns)
+                };
+                let builder = builder.gps(Receiver::new(settings.clone()));
+                if self.options.pulse {
+                    builder.pulse(Pulses::new(&settings))
+                } else {
+                    builder
+                }
+            }
+        };
+        Ok(Life {
+            index: index.into(),
+            board: builder.power_on()?,
+            visits,
+            mavlink_port,
+            utc_at_start_ns: self.utc_at_start_ns,
+            duration: self.options.shared.duration(),
+            is_up: false,
+        })
+    }
+
+    /// What runs, where it can be talked to, and what the columns mean.
+    pub fn announcement(&self) -> Vec<String> {
+        let options = &self.options.shared;
+        let variant = options.variant();
+        let source = match &options.ubx {
+            Some(path) => format!("the recording {}", path.display()),
+            None => {
+                let pulse = if self.options.pulse { " and pulse" } else { "" };
+                let start = jiff::Timestamp::from_nanosecond(self.utc_at_start_ns.into());
+                let start = start.map_or_else(|_| String::new(), |start| format!("{start:.3}"));
+                format!("simulated receivers{pulse}, from {start}")
+            }
+        };
+        let mut lines = vec![format!(
+            "virtual Pixhawk 1, {}, tick {} µs, {source}",
+            variant.name(),
+            variant.tick_us(),
+        )];
+        for index in 0..self.options.boards() {
+            lines.push(format!(
+                "board {}: tcp:127.0.0.1:{}, MAVLink system {}, crystal {:+} ppm",
+                index + 1,
+                options.mavlink_port_of(index),
+                system_id(index),
+                crystal_ppb(index) / 1_000,
+            ));
+        }
+        lines.push(
+            match &options.ubx {
+                Some(_) => {
+                    "± is what the clock claims; a recording has no true time to compare with"
+                }
+                None => {
+                    "a clock's error is against the simulation's true time; ± is what it claims"
+                }
+            }
+            .to_owned(),
+        );
+        lines
+    }
+}
+
+/// The crystal of board `index`.
+fn crystal_ppb(index: u16) -> i32 {
+    CRYSTALS_PPB[usize::from(index) % CRYSTALS_PPB.len()]
+}
+
+/// The MAVLink system of board `index`: 1, 2, …
+fn system_id(index: u16) -> u8 {
+    u8::try_from(index + 1).unwrap_or(u8::MAX)
+}
+
+/// UTC by this host's clock.
+fn host_utc() -> anyhow::Result<UtcNanos> {
+    let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?;
+    Ok(UtcNanos(i64::try_from(since_1970.as_nanos())?))
+}

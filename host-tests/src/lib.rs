@@ -1,6 +1,5 @@
 //! Scenarios, replays of recordings, exhaustive and property tests of the firmware's logic.
 
 pub mod captures;
-pub mod clock_board;
-pub mod clock_scene;
+pub mod checks;
 pub mod mavlink_server;

@@ -1,23 +1,23 @@
 //! Real receivers' bytes, from the line to the clock.
 //!
 //! *Design.* A recording is replayed at 115200 as `world` does it, byte by byte
-//! with its stamp, through `ubx-link` into the clock under its referee. What the
-//! receiver claimed is read from the file by other code than that under test.
+//! with its stamp, through `ubx-link` into the clock of a `board-model`. The claims of
+//! the receiver are read from the file by other code than that under test.
 //!
-//! *Limits.* Skipped, and says so, where `PIXCLOCK_CAPTURES` is not set.
+//! *Limits.* Skipped, with a message, where `PIXCLOCK_CAPTURES` is not set.
 
+use board_model::Board;
 use host_tests::captures;
-use host_tests::clock_board::Board;
 use timebase::{StampedByte, TimeMark};
 use ubx_link::{Event, Link};
-use utc_clock::{ClockState, Outcome, Published, Refusal, Settings};
+use utc_clock::{ClockState, Outcome, Refusal, Settings};
 use world::{Recording, Talker, ubx};
 
 /// Each mark of the recording with what it did to the clock.
-fn replay(file: &[u8], board: &mut Board<'_>) -> Vec<(TimeMark, Outcome)> {
+fn replay(file: &[u8], board: &mut Board) -> Vec<(TimeMark, Outcome)> {
     let mut talker = Recording::new(file).expect("it holds NAV-PVT");
     let mut link = Link::new();
-    let mut heard = Vec::new();
+    let mut outcomes = Vec::new();
     while let Some(due) = talker.next_event() {
         while let Some(sent) = talker.poll(due) {
             // The task drains its ring every few ms.
@@ -33,13 +33,13 @@ fn replay(file: &[u8], board: &mut Board<'_>) -> Vec<(TimeMark, Outcome)> {
                 let marks: Vec<_> = std::iter::from_fn(|| link.poll(now)).collect();
                 for event in marks {
                     if let Event::NavPvt { mark, .. } = event {
-                        heard.push((mark, board.handle(&mark)));
+                        outcomes.push((mark, board.handle_mark(&mark)));
                     }
                 }
             }
         }
     }
-    heard
+    outcomes
 }
 
 #[test]
@@ -56,22 +56,21 @@ fn a_cold_start_sets_the_clock_when_the_receiver_is_sure_and_not_before() {
     let sure = valid.iter().position(|valid| *valid == 0xf7);
     assert_eq!(sure, Some(50), "of {} epochs", valid.len());
 
-    let line = Published::new();
-    let mut board = Board::new(Settings::DEFAULT, 0.0, &line);
-    let heard = replay(&file, &mut board);
-    assert_eq!(heard.len(), valid.len());
-    let set = heard
+    let mut board = Board::new(Settings::DEFAULT, 0.0);
+    let outcomes = replay(&file, &mut board);
+    assert_eq!(outcomes.len(), valid.len());
+    let set = outcomes
         .iter()
         .position(|(_, outcome)| *outcome == Outcome::Set);
-    println!("set at epoch {set:?} of {}", heard.len());
+    println!("set at epoch {set:?} of {}", outcomes.len());
     assert_eq!(set, sure);
-    for (_, outcome) in &heard[..50] {
+    for (_, outcome) in &outcomes[..50] {
         assert!(matches!(
             outcome,
             Outcome::Refused(Refusal::Date | Refusal::Time | Refusal::Unresolved)
         ));
     }
-    for (_, outcome) in &heard[51..] {
+    for (_, outcome) in &outcomes[51..] {
         // The first one may have been late: forward it steps.
         let is_well = match outcome {
             Outcome::Slewed { .. } => true,

@@ -1,13 +1,12 @@
-//! The clock under marks, pulses and calls that nobody would think of.
+//! The clock under any marks, pulses and calls, in any order.
 //!
 //! *Design.* Random marks (from good ones to fields of any value), spells of a
 //! receiver with a pulse, silences, late timers, stamps of any age and forecasts of
-//! anything, in any order. The referee of `clock_board` demands that readings increase
-//! and the slew limit holds; here it is added that a stamp's answer never changes
-//! while it may be asked for.
+//! anything. The invariants of `board-model` demand that readings increase and the
+//! slew limit holds; the tests add that the reading of a stamp never changes while
+//! readers may still have that stamp.
 
-use host_tests::clock_board::{Board, FRAME_NS, MS, SECOND, START, mark};
-use host_tests::clock_scene::Scene;
+use board_model::{Board, FRAME_NS, MS, SECOND, START, Scenario, good_mark};
 use proptest::prelude::*;
 use timebase::{CORE_HZ, CivilTime, Cycles, PulseForecast, PulseMark, TimeMark, Validity};
 use utc_clock::{Ppb, Published, Settings, UtcClock, UtcNanos};
@@ -17,9 +16,9 @@ use world::Latency;
 enum Event {
     /// Time passes.
     Pass { ns: i64 },
-    /// A mark that is as good as they come, so late and off by so much.
+    /// A good mark, late and with an epoch that is off.
     Good { late_ns: i64, off_ns: i64 },
-    /// So many seconds of a receiver whose time is off by so much, and its pulse.
+    /// Some seconds of a receiver whose time and pulse are off.
     Spell {
         seconds: i64,
         off_ns: i64,
@@ -31,7 +30,7 @@ enum Event {
     Pulse { edge: u64 },
     /// A forecast of anything.
     Forecast { arrival: u64, late_ps: i32 },
-    /// A timer that went off for no reason.
+    /// A timer that fires without a reason.
     Timeout,
 }
 
@@ -144,30 +143,27 @@ fn event() -> impl Strategy<Value = Event> {
     ]
 }
 
-/// Hears whatever it is, and sees to it that a stamp that was taken and answered
-/// before it is answered in the same way after it, be it that the clock is set or steps.
-fn keeps_its_word(board: &mut Board<'_>, hear: impl FnOnce(&mut Board<'_>)) {
+/// Lets the board handle something, and checks that stamps of before have the same readings
+/// after it, even if it sets the clock or steps it.
+fn keeps_readings(board: &mut Board, handle: impl FnOnce(&mut Board)) {
     let now = board.cycles(board.now_ns);
     let stamps = [0, 1, 100_000, 800_000].map(|age| Cycles(now.0.saturating_sub(age)));
-    let before = stamps.map(|when| board.line.reading_at(when));
-    hear(board);
-    let after = stamps.map(|when| board.line.reading_at(when));
+    let before = stamps.map(|when| board.timeline.reading_at(when));
+    handle(board);
+    let after = stamps.map(|when| board.timeline.reading_at(when));
     assert_eq!(before, after);
 }
 
-fn live(board: &mut Board<'_>, event: Event) {
+fn handle(board: &mut Board, event: Event) {
     match event {
         Event::Pass { ns } => board.pass_until(board.now_ns + ns),
         Event::Good { late_ns, off_ns } => {
             let epoch = UtcNanos(board.truth().0 + off_ns);
             let arrival = board.cycles(board.now_ns + late_ns);
             board.pass_until(board.now_ns + late_ns + FRAME_NS);
-            let heard = TimeMark {
-                arrival,
-                ..mark(epoch)
-            };
-            keeps_its_word(board, |board| {
-                board.handle(&heard);
+            let mark = good_mark(arrival, epoch).expect("an epoch of this century");
+            keeps_readings(board, |board| {
+                board.handle_mark(&mark);
             });
         }
         Event::Spell {
@@ -184,10 +180,10 @@ fn live(board: &mut Board<'_>, event: Event) {
                 }
             }
         }
-        Event::Any(heard) => keeps_its_word(board, |board| {
-            board.handle(&heard);
+        Event::Any(mark) => keeps_readings(board, |board| {
+            board.handle_mark(&mark);
         }),
-        Event::Pulse { edge } => keeps_its_word(board, |board| {
+        Event::Pulse { edge } => keeps_readings(board, |board| {
             let edge = Cycles(edge);
             board.handle_pulse(&PulseMark { edge });
         }),
@@ -210,17 +206,16 @@ proptest! {
     })]
 
     #[test]
-    fn readings_increase_whatever_comes(
+    fn readings_increase_whatever_is_received(
         events in prop::collection::vec(event(), 1..120),
         crystal_ppb in -2_000_000.0..2_000_000.0,
     ) {
-        let line = Published::new();
-        let mut board = Board::new(Settings::DEFAULT, crystal_ppb, &line);
-        board.read_every_ns = 7 * MS;
-        // Marks that make no sense tell nothing about a crystal.
-        board.margin_ppb = f64::INFINITY;
+        let mut board = Board::new(Settings::DEFAULT, crystal_ppb);
+        board.read_every_ns = Some(7 * MS);
+        // From marks without sense no frequency can be learnt.
+        board.invariants.margin_ppb = f64::INFINITY;
         for event in events {
-            live(&mut board, event);
+            handle(&mut board, event);
         }
     }
 
@@ -230,8 +225,8 @@ proptest! {
         events in prop::collection::vec((event(), any_cycles()), 1..200),
     ) {
         // Not even with a counter that jumps.
-        let line = Published::new();
-        let mut clock = UtcClock::new(settings, line.take_writer().unwrap());
+        let timeline = Published::new();
+        let mut clock = UtcClock::new(settings, timeline.take_writer().unwrap());
         for (event, now) in events {
             match event {
                 Event::Any(mark) => {
@@ -240,7 +235,8 @@ proptest! {
                 Event::Good { late_ns, off_ns } => {
                     let arrival = Cycles(now.saturating_sub(late_ns.unsigned_abs()));
                     let epoch = UtcNanos(START.0 + off_ns);
-                    clock.handle_mark(&TimeMark { arrival, ..mark(epoch) }, Cycles(now));
+                    let mark = good_mark(arrival, epoch).expect("an epoch of this century");
+                    clock.handle_mark(&mark, Cycles(now));
                 }
                 Event::Pulse { edge } => {
                     clock.handle_pulse(&PulseMark { edge: Cycles(edge) }, Cycles(now));
@@ -252,7 +248,7 @@ proptest! {
                 _ => clock.handle_timeout(Cycles(now)),
             }
             for when in [now, now.wrapping_add(1 << 40), 0, u64::MAX] {
-                let reading = line.reading_at(Cycles(when));
+                let reading = timeline.reading_at(Cycles(when));
                 prop_assert!(!reading.utc.to_string().is_empty());
             }
         }
@@ -267,21 +263,20 @@ proptest! {
     })]
 
     #[test]
-    fn late_marks_are_ignored_by_construction(
+    fn late_marks_are_ignored(
         seed in any::<u64>(),
         late_ms in proptest::collection::vec(prop_oneof![Just(0), 0..450_i64], 1..400),
     ) {
-        let line = Published::new();
-        let mut play = Scene::new(Latency::m8(), seed).play(&line);
-        play.until(130 * SECOND);
-        let settled = play.board.clock.counters();
+        let mut run = Scenario::new(Latency::m8(), seed).start();
+        run.until(130 * SECOND);
+        let settled = run.board.clock.counters();
         for late in late_ms {
-            play.next_late_by(late * MS);
-            // As far as two M8s may ever be apart without any.
-            let error_ns = play.floor_error_ns();
+            run.next_late_by(late * MS);
+            // The largest difference of two M8s without late marks.
+            let error_ns = run.floor_error_ns();
             prop_assert!(error_ns.abs() <= MS, "{error_ns} ns");
         }
-        let counters = play.board.clock.counters();
+        let counters = run.board.clock.counters();
         prop_assert_eq!(
             (settled.steps_forward, settled.steps_back),
             (counters.steps_forward, counters.steps_back)

@@ -2,23 +2,23 @@
 //!
 //! *Design.* Each row of a trace is a fix: when it arrived by the board's clock,
 //! and its UTC. The board here has the trace's clock, so that its error is the
-//! clock's. The referee of `clock_board` sees to it that no reading goes back and
+//! clock's. The invariants of `board-model` demand that no reading goes back and
 //! the slew limit holds, through stalls and backlogs, too.
 //!
-//! *Limits.* Nobody knows the true time: what is bounded is how far the clock
-//! strays from what the receiver itself said. Skipped, and says so, where
+//! *Limits.* The true time is not known: the limits are on how far the clock strays
+//! from the receiver's own epochs. Skipped, with a message, where
 //! `PIXCLOCK_CAPTURES` is not set.
 
+use board_model::{Board, MS, SECOND};
 use comparison::spread::quantile;
 use comparison::trace::Trace;
 use host_tests::captures;
-use host_tests::clock_board::{Board, MS, SECOND};
-use utc_clock::{Counters, Outcome, Published, Settings, UtcNanos};
+use utc_clock::{Counters, Outcome, Settings, UtcNanos};
 
 /// 3 653 days: what lifts a trace of 2015 over the earliest date.
 const TEN_YEARS: i64 = 3_653 * 86_400 * SECOND;
 
-/// What is in a trace's file, if there are any.
+/// The content of a trace's file, where there are recordings.
 fn content(name: &str) -> Option<String> {
     Some(String::from_utf8(captures::file(name)?).expect("text"))
 }
@@ -35,17 +35,16 @@ fn trace(name: &str) -> Option<Vec<(i64, UtcNanos)>> {
     )
 }
 
-/// UTC less arrival of each row, and the same of the clock after each row.
-struct Run {
-    told_ns: Vec<i64>,
+/// UTC less the arrival of each row, and the clock's time less the board's after each row.
+struct Replay {
+    epoch_ns: Vec<i64>,
     clock_ns: Vec<i64>,
     outcomes: Vec<Outcome>,
     counters: Counters,
 }
 
-fn run(rows: &[(i64, UtcNanos)]) -> Run {
-    let line = Published::new();
-    let mut board = Board::new(Settings::DEFAULT, 0.0, &line);
+fn run(rows: &[(i64, UtcNanos)]) -> Replay {
+    let mut board = Board::new(Settings::DEFAULT, 0.0);
     let mut clock_ns = Vec::new();
     let mut outcomes = Vec::new();
     for (arrival, utc) in rows {
@@ -53,8 +52,8 @@ fn run(rows: &[(i64, UtcNanos)]) -> Run {
         board.pass_lead();
         clock_ns.push(board.read().utc.0 - board.now_ns);
     }
-    Run {
-        told_ns: rows.iter().map(|(arrival, utc)| utc.0 - arrival).collect(),
+    Replay {
+        epoch_ns: rows.iter().map(|(arrival, utc)| utc.0 - arrival).collect(),
         clock_ns,
         outcomes,
         counters: board.clock.counters(),
@@ -73,7 +72,7 @@ fn a_real_flight_keeps_the_clock_within_the_receivers_own_spread() {
         let run = run(&rows);
         assert_eq!(run.counters.refused(), 0, "{name}: {:?}", run.counters);
         assert_eq!(run.counters.accepted as usize, rows.len());
-        let (least, most) = (run.told_ns.iter().min(), run.told_ns.iter().max());
+        let (least, most) = (run.epoch_ns.iter().min(), run.epoch_ns.iter().max());
         let (least, most) = (*least.expect("rows"), *most.expect("rows"));
         // One mark's slew beyond, at the longest pause between two fixes.
         let pause = rows.windows(2).map(|w| w[1].0 - w[0].0).max();
@@ -103,14 +102,14 @@ fn a_real_stall_of_a_second_and_a_half_leaves_the_clock_where_it_was() {
     assert_eq!(counters.duplicate_epoch, 1);
     assert!(counters.outlier >= 1, "the stall is 1.56 s");
     assert_eq!((counters.sets, counters.epoch_back), (1, 0));
-    // Forward over what the first marks were late by, and never again.
+    // Forward over the lateness of the first marks, and never again.
     assert_eq!(counters.steps_back, 0);
     let settled = later.partition_point(|(arrival, _)| *arrival < later[0].0 + 30 * SECOND);
     let is_step = |outcome: &Outcome| matches!(outcome, Outcome::Stepped { .. });
     assert!(!run.outcomes[settled..].iter().any(is_step));
 
-    // The last mark before the silence may slew it by 1 ms, and what is accepted
-    // in the second in which the backlog comes by half of one.
+    // The last mark before the silence may slew it by 1 ms, and the marks that are accepted
+    // in the second of the backlog by half of one.
     let stall = run
         .outcomes
         .iter()
@@ -125,9 +124,8 @@ fn a_real_stall_of_a_second_and_a_half_leaves_the_clock_where_it_was() {
     assert!(moved.abs() <= 3 * MS / 2, "{moved} ns");
 }
 
-/// Of everything that the clock published, also between the messages: through the
-/// stall it stays as near to the best smooth line as it is in 99 % of the time
-/// outside.
+/// Through the stall the published time, also between the messages, stays as near to the
+/// best smooth line as it is in 99 % of the time outside.
 #[test]
 fn through_a_real_stall_published_time_stays_by_its_line() {
     let name = "traces-cc-by-sa/dkla_log171_GPS_TimeUS.csv";
@@ -148,7 +146,7 @@ fn through_a_real_stall_published_time_stays_by_its_line() {
     let stall = silence.start..silence.end + 5 * SECOND;
 
     let replayed = trace.replay();
-    assert_eq!(replayed.fouls, None);
+    assert_eq!(replayed.violation, None);
     let ours = &replayed.tracks[0];
     let (usual, _) = ours.spread().expect("set");
     let off = |ahead: &Option<i64>| ahead.map(|ahead| ahead.abs_diff(usual));

@@ -1,16 +1,13 @@
 //! The clock and single marks: those that set it, those that are bad, leap seconds.
 //!
-//! *Design.* Each scenario runs under the referee of `clock_board`: no reading
-//! ever goes back or leaves the slew limit, except over a step that the clock
-//! owns up to. What is asserted here comes on top of it. The receiver is as even as
-//! none is, so that every ns is accounted for; those with jitter are in
-//! `clock_following`, `clock_refusals`, `clock_holdover` and `clock_pulse`.
+//! *Design.* Each scenario is under the invariants of `board-model`: no reading goes back or
+//! leaves the slew limit, except over a step that the clock reports. The tests check the rest.
+//! The receiver is more even than any real one, so that every ns is accounted for; those with
+//! jitter are in `clock_following`, `clock_refusals`, `clock_holdover` and `clock_pulse`.
 
-use host_tests::clock_board::{Board, MS, SECOND, START, leap_second, mark};
-use timebase::{CivilTime, TimeMark};
-use utc_clock::{
-    CalendarError, ClockState, Counters, Outcome, Published, Refusal, Settings, UtcNanos,
-};
+use board_model::{Board, MS, SECOND, START, good_mark};
+use timebase::{CivilTime, Cycles, TimeMark};
+use utc_clock::{CalendarError, ClockState, Counters, Outcome, Refusal, Settings, UtcNanos};
 
 const PERIOD: i64 = 200 * MS;
 const FLOOR: i64 = 40 * MS;
@@ -19,9 +16,27 @@ fn epoch(number: i64) -> UtcNanos {
     UtcNanos(START.0 + number * PERIOD)
 }
 
+/// A good mark; its arrival is filled in later.
+fn mark(epoch: UtcNanos) -> TimeMark {
+    good_mark(Cycles::BOOT, epoch).expect("an epoch of this century")
+}
+
+/// An instant within a leap second at the end of 2026, `nano` ns after its start.
+const fn leap_second(nano: i32) -> CivilTime {
+    CivilTime {
+        year: 2026,
+        month: 12,
+        day: 31,
+        hour: 23,
+        minute: 59,
+        second: 60,
+        nano,
+    }
+}
+
 /// A board that has followed a steady receiver for a while, by mark number 50.
-fn settled(line: &Published) -> Board<'_> {
-    let mut board = Board::new(Settings::DEFAULT, 0.0, line);
+fn settled() -> Board {
+    let mut board = Board::new(Settings::DEFAULT, 0.0);
     for number in 1..50 {
         board.handle_arrival(epoch(number), number * PERIOD + FLOOR);
     }
@@ -29,9 +44,8 @@ fn settled(line: &Published) -> Board<'_> {
 }
 
 #[test]
-fn it_tells_the_time_since_boot_until_the_first_good_mark_sets_it() {
-    let line = Published::new();
-    let mut board = Board::new(Settings::DEFAULT, 0.0, &line);
+fn it_reads_the_time_since_boot_until_the_first_good_mark_sets_it() {
+    let mut board = Board::new(Settings::DEFAULT, 0.0);
     board.pass_until(25 * SECOND);
     let unset = board.read();
     assert_eq!(unset.state, ClockState::Unset);
@@ -44,7 +58,7 @@ fn it_tells_the_time_since_boot_until_the_first_good_mark_sets_it() {
     let set = board.read();
     assert_eq!(set.state, ClockState::Set);
     assert!(set.leap_seconds_known);
-    // Nothing is known of the latency, so the clock is late by it, and says so.
+    // The latency is not known: the clock is late by it, and its uncertainty covers that.
     assert!((board.error_ns() + FLOOR).abs() <= 10);
     assert!(i64::from(set.uncertainty_ns) >= FLOOR);
     let expected = Counters {
@@ -58,25 +72,24 @@ fn it_tells_the_time_since_boot_until_the_first_good_mark_sets_it() {
 #[test]
 fn a_known_latency_is_taken_off() {
     let settings = Settings::DEFAULT.with_latency_ns(40_000_000);
-    let line = Published::new();
-    let mut board = Board::new(settings, 0.0, &line);
+    let mut board = Board::new(settings, 0.0);
     board.handle_arrival(epoch(1), PERIOD + FLOOR);
     board.pass_lead();
     assert!(board.error_ns().abs() <= 10);
-    // A single mark may be late by all that receivers were seen to be.
+    // A single mark may be as late as any that was measured.
     assert!(board.read().uncertainty_ns >= 10_000_000 + 91_000_000);
     for number in 2..300 {
         board.handle_arrival(epoch(number), number * PERIOD + FLOOR);
     }
     assert!(board.error_ns().abs() <= 10);
-    // What is left is the uncertainty about the latency, 10 ms once it is set as when it was
-    // learnt, and less than 1 ms of its own.
+    // The uncertainty of a latency that was set is 10 ms, as of one that was learnt; the rest
+    // is less than 1 ms.
     assert!((10_000_000..11_000_000).contains(&board.read().uncertainty_ns));
 }
 
 #[test]
-fn a_leap_second_is_sat_out_and_then_stepped_over_in_the_open() {
-    // 2026-12-31 does not have one; the receiver says it has.
+fn a_leap_second_is_refused_and_then_stepped_over_with_a_report() {
+    // 2026-12-31 has none, but the receiver sends one.
     let midnight = UtcNanos::from_civil(&CivilTime {
         year: 2027,
         month: 1,
@@ -87,19 +100,18 @@ fn a_leap_second_is_sat_out_and_then_stepped_over_in_the_open() {
         nano: 0,
     })
     .unwrap();
-    let line = Published::new();
-    let mut board = Board::new(Settings::DEFAULT, 0.0, &line);
+    let mut board = Board::new(Settings::DEFAULT, 0.0);
     let mut outcomes = Vec::new();
     // From 2 s before the leap second to 4 s after it.
     for number in 0..35_i64 {
         let since = (number - 10) * PERIOD;
-        let mut heard: TimeMark = mark(UtcNanos(midnight.0 + since));
+        let mut received: TimeMark = mark(UtcNanos(midnight.0 + since));
         if (0..SECOND).contains(&since) {
-            heard.epoch = leap_second((2026, 12, 31), i32::try_from(since).unwrap());
+            received.epoch = leap_second(i32::try_from(since).unwrap());
         } else if since >= SECOND {
-            heard = mark(UtcNanos(midnight.0 + since - SECOND));
+            received = mark(UtcNanos(midnight.0 + since - SECOND));
         }
-        outcomes.push(board.handle_mark(heard, number * PERIOD + FLOOR));
+        outcomes.push(board.handle_mark_at(received, number * PERIOD + FLOOR));
     }
     assert_eq!(outcomes[0], Outcome::Set);
     for (i, outcome) in outcomes.iter().enumerate().skip(1) {
@@ -116,19 +128,17 @@ fn a_leap_second_is_sat_out_and_then_stepped_over_in_the_open() {
 
 #[test]
 fn a_clock_is_not_set_in_a_leap_second() {
-    let line = Published::new();
-    let mut board = Board::new(Settings::DEFAULT, 0.0, &line);
-    let mut heard = mark(START);
-    heard.epoch = leap_second((2026, 12, 31), 0);
-    let outcome = board.handle_mark(heard, FLOOR);
+    let mut board = Board::new(Settings::DEFAULT, 0.0);
+    let mut received = mark(START);
+    received.epoch = leap_second(0);
+    let outcome = board.handle_mark_at(received, FLOOR);
     assert_eq!(outcome, Outcome::Refused(Refusal::LeapSecond));
     assert_eq!(board.read().state, ClockState::Unset);
 }
 
 #[test]
 fn each_kind_of_bad_mark_is_counted_and_costs_no_good_one() {
-    let line = Published::new();
-    let mut board = settled(&line);
+    let mut board = settled();
     let error = board.error_ns();
     let accepted = board.clock.counters().accepted;
     type Spoil = fn(&mut TimeMark);
@@ -159,7 +169,7 @@ fn each_kind_of_bad_mark_is_counted_and_costs_no_good_one() {
         let number = 50 + 2 * i;
         let mut bad = mark(epoch(number));
         spoil(&mut bad);
-        let outcome = board.handle_mark(bad, number * PERIOD + FLOOR);
+        let outcome = board.handle_mark_at(bad, number * PERIOD + FLOOR);
         assert_eq!(outcome, Outcome::Refused(refusal));
         let good = board.handle_arrival(epoch(number + 1), (number + 1) * PERIOD + FLOOR);
         assert!(matches!(good, Outcome::Slewed { error_ns } if error_ns.abs() <= 100));
@@ -178,13 +188,12 @@ fn each_kind_of_bad_mark_is_counted_and_costs_no_good_one() {
 
 #[test]
 fn a_stamp_from_the_future_or_from_long_ago_is_refused() {
-    let line = Published::new();
-    let mut board = settled(&line);
+    let mut board = settled();
     let now = board.cycles(board.now_ns);
     for arrival in [now.0 + 1, now.0.wrapping_sub(11 * 168_000_000), u64::MAX] {
-        let mut heard = mark(epoch(60));
-        heard.arrival = timebase::Cycles(arrival);
-        let outcome = board.clock.handle_mark(&heard, now);
+        let mut received = mark(epoch(60));
+        received.arrival = Cycles(arrival);
+        let outcome = board.clock.handle_mark(&received, now);
         assert_eq!(outcome, Outcome::Refused(Refusal::Stamp));
     }
     assert_eq!(board.clock.counters().stamp, 3);
@@ -192,23 +201,25 @@ fn a_stamp_from_the_future_or_from_long_ago_is_refused() {
 
 #[test]
 fn a_backlog_flushed_at_once_takes_no_reading_back() {
-    // Six marks that arrived in time and are heard late, within 1 ms: a line that keeps three
-    // models takes two of them at most, and the referee of the board sees to the readings.
-    let line = Published::new();
-    let mut board = settled(&line);
+    // Six marks that arrived in time and are handled late, within 1 ms: a timeline of three
+    // models takes two of them at most. The invariants check the readings.
+    let mut board = settled();
     let before = board.clock.counters();
     let first_ns = board.now_ns / (200 * MS) * (200 * MS) + 200 * MS;
     board.pass_until(first_ns + 6 * 200 * MS);
     let stamps = [0, 100, 900].map(|age_us| board.cycles(board.now_ns - age_us * 1_000));
     for number in 0..6 {
         let due_ns = first_ns + number * 200 * MS;
-        let mut heard = mark(UtcNanos(START.0 + due_ns));
-        heard.arrival = board.cycles(due_ns + 40 * MS);
-        let told = stamps.map(|when| line.reading_at(when));
-        board.handle(&heard);
-        assert_eq!(told, stamps.map(|when| line.reading_at(when)));
+        let mut received = mark(UtcNanos(START.0 + due_ns));
+        received.arrival = board.cycles(due_ns + 40 * MS);
+        let before_it = stamps.map(|when| board.timeline.reading_at(when));
+        board.handle_mark(&received);
+        assert_eq!(
+            before_it,
+            stamps.map(|when| board.timeline.reading_at(when))
+        );
     }
-    board.read_every_ns = 10_000;
+    board.read_every_ns = Some(10_000);
     board.pass_until(board.now_ns + 5 * MS);
     let after = board.clock.counters();
     assert_eq!(after.accepted - before.accepted, 2);
@@ -216,13 +227,12 @@ fn a_backlog_flushed_at_once_takes_no_reading_back() {
 }
 
 #[test]
-fn leap_seconds_that_nobody_confirmed_show_until_they_are() {
-    let line = Published::new();
-    let mut board = Board::new(Settings::DEFAULT, 0.0, &line);
+fn a_count_of_leap_seconds_shows_as_unconfirmed_until_it_is() {
+    let mut board = Board::new(Settings::DEFAULT, 0.0);
     for number in 1..20 {
-        let mut heard = mark(epoch(number));
-        heard.validity.leap_seconds_known = number >= 10;
-        let outcome = board.handle_mark(heard, number * PERIOD + FLOOR);
+        let mut received = mark(epoch(number));
+        received.validity.leap_seconds_known = number >= 10;
+        let outcome = board.handle_mark_at(received, number * PERIOD + FLOOR);
         assert!(!matches!(outcome, Outcome::Refused(_)));
         board.pass_lead();
         assert_eq!(board.read().leap_seconds_known, number >= 10);

@@ -102,7 +102,7 @@ pub fn run(options: &Options) -> Result<ExitCode> {
     }
     progress.finish_and_clear();
     let took_s = started.elapsed().as_secs_f64();
-    let lived_s: f64 = all.iter().map(|figures| figures.lived_s() as f64).sum();
+    let lived_s: f64 = all.iter().map(|figures| figures.simulated_s() as f64).sum();
     if options.json {
         let cases: Vec<_> = all.iter().map(report::value).collect();
         println!(

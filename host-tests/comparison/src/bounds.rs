@@ -8,7 +8,7 @@
 //! that rate.
 //!
 //! *Limits.* Soft edges and correlated jitter have bounds on their uncertainty
-//! alone. A floor that wanders more slowly than in 10 min is invisible to everybody:
+//! alone. A floor that wanders more slowly than in 10 min is invisible to every clock:
 //! there the uncertainty is reported.
 
 use crate::case::{Case, Floor};
@@ -27,17 +27,17 @@ pub enum Quantity {
     Max,
     /// The largest mean of a trial.
     WorstMean,
-    /// What the difference did from a loss to the window: 95 % of it, in ns.
+    /// The change of the difference from a loss to the window: 95 % of it, in ns.
     GrownP95,
-    /// The most that it did.
+    /// The largest change.
     GrownMax,
     /// The rate over a minute, 99 % of it, in ppb.
     Rate,
-    /// The mean over the best of the others'.
-    MeanOverOthers,
-    /// 99 % over the best of the others'.
-    P99OverOthers,
-    /// What setting at every mark has for a mean, over ours.
+    /// The mean over that of the best baseline.
+    MeanOverBaselines,
+    /// 99 % over that of the best baseline.
+    P99OverBaselines,
+    /// The mean of a clock that is set at every mark, over ours.
     PaperOverMean,
     /// The mean over that of the floors.
     MeanOverFloors,
@@ -45,22 +45,22 @@ pub enum Quantity {
     P99OverFloors,
     /// The mean over that of the floors, at all times.
     EverOverFloors,
-    /// The share of trials that had converged by so many seconds.
+    /// The share of trials that had converged that many seconds after the start.
     ConvergedBy(u64),
-    /// The share of readings whose uncertainty held the error.
+    /// The share of errors within their uncertainty.
     Coverage,
-    /// The same against UTC, with the uncertainty about an unknown latency.
+    /// The same against UTC, with the uncertainty of an unknown latency.
     CoverageUtc,
     /// The mean uncertainty over the mean error.
     Width,
-    /// Readings that broke the referee's rules.
-    Fouls,
+    /// Readings that violate an invariant.
+    Violations,
 }
 
 use Quantity::{
-    ConvergedBy, Coverage, CoverageUtc, EverOverFloors, Fouls, GrownMax, GrownP95, Max, Mean,
-    MeanOverFloors, MeanOverOthers, P95, P99, P99OverFloors, P99OverOthers, PaperOverMean, Rate,
-    Width, WorstMean,
+    ConvergedBy, Coverage, CoverageUtc, EverOverFloors, GrownMax, GrownP95, Max, Mean,
+    MeanOverBaselines, MeanOverFloors, P95, P99, P99OverBaselines, P99OverFloors, PaperOverMean,
+    Rate, Violations, Width, WorstMean,
 };
 
 /// A quantity of a case, and its limit.
@@ -96,8 +96,8 @@ const TABLE: [(&str, &[(Quantity, f64)]); 16] = [
             (Max, 1.0 * MS),
             (WorstMean, 0.22 * MS),
             (Rate, 2.0 * 0.40 * MS / 60.0),
-            (MeanOverOthers, 0.5),
-            (P99OverOthers, 0.5),
+            (MeanOverBaselines, 0.5),
+            (P99OverBaselines, 0.5),
             (PaperOverMean, 50.0),
             (ConvergedBy(60), 0.95),
             (Width, 4.0),
@@ -109,8 +109,8 @@ const TABLE: [(&str, &[(Quantity, f64)]); 16] = [
             (Mean, 0.45 * MS),
             (P99, 1.8 * MS),
             (Rate, 2.0 * 1.8 * MS / 60.0),
-            (MeanOverOthers, 0.5),
-            (P99OverOthers, 0.5),
+            (MeanOverBaselines, 0.5),
+            (P99OverBaselines, 0.5),
             (PaperOverMean, 50.0),
             (ConvergedBy(60), 0.95),
             (Width, 4.0),
@@ -122,8 +122,8 @@ const TABLE: [(&str, &[(Quantity, f64)]); 16] = [
             (Mean, 0.06 * MS),
             (P99, 0.22 * MS),
             (Rate, 2.0 * 0.22 * MS / 60.0),
-            (MeanOverOthers, 0.5),
-            (P99OverOthers, 0.5),
+            (MeanOverBaselines, 0.5),
+            (P99OverBaselines, 0.5),
             (PaperOverMean, 50.0),
             (Width, 4.0),
         ],
@@ -169,7 +169,7 @@ const ANY_PERIOD: &[(Quantity, f64)] = &[(EverOverFloors, 1.2)];
 
 /// What holds in all cases.
 fn everywhere(case: &Case) -> Vec<(Quantity, f64)> {
-    let mut bounds = vec![(Fouls, 0.0), (CoverageUtc, 0.95)];
+    let mut bounds = vec![(Violations, 0.0), (CoverageUtc, 0.95)];
     let is_visible = match case.floor {
         Floor::Still => true,
         Floor::Sine { .. } | Floor::Walk => false,
@@ -212,7 +212,7 @@ pub fn judge(figures: &Figures) -> Vec<Verdict> {
 }
 
 impl Quantity {
-    /// The larger the better.
+    /// Whether a larger one is better.
     #[must_use]
     pub const fn is_at_least(self) -> bool {
         matches!(
@@ -229,7 +229,7 @@ impl Quantity {
         let spread = &ours.spread;
         let grown = figures.grown;
         let best = |figure: fn(&crate::figures::Row) -> f64| {
-            figures.best_other(figure).unwrap_or(f64::NAN)
+            figures.best_baseline(figure).unwrap_or(f64::NAN)
         };
         match self {
             Mean => spread.mean,
@@ -242,8 +242,8 @@ impl Quantity {
             Rate => figures
                 .rates
                 .map_or(f64::NAN, |rates| f64::from(rates.p99) * 1e-3),
-            MeanOverOthers => spread.mean / best(|row| row.spread.mean),
-            P99OverOthers => f64::from(spread.p99) / best(|row| f64::from(row.spread.p99)),
+            MeanOverBaselines => spread.mean / best(|row| row.spread.mean),
+            P99OverBaselines => f64::from(spread.p99) / best(|row| f64::from(row.spread.p99)),
             PaperOverMean => {
                 let paper = figures.rows.iter().find(|row| row.name == "paper");
                 paper.map_or(f64::NAN, |paper| paper.spread.mean) / spread.mean
@@ -255,7 +255,7 @@ impl Quantity {
             Coverage => figures.coverage,
             CoverageUtc => figures.coverage_utc,
             Width => figures.width,
-            Fouls => f64::from(figures.fouls),
+            Violations => f64::from(figures.violations),
         }
     }
 }

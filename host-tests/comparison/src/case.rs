@@ -46,15 +46,12 @@ impl Temperature {
     /// What it is to a crystal that it drives up, or else down.
     #[must_use]
     pub fn ramp(self, up: bool) -> Ramp {
-        let ppb_per_min = if up { 1_000.0 } else { -1_000.0 };
-        match self {
+        let ramp = match self {
             Self::Constant => Ramp::None,
-            Self::Ramp => Ramp::Constant { ppb_per_min },
-            Self::Turning => Ramp::Random {
-                ppb_per_min,
-                every_ns: 120 * SECOND,
-            },
-        }
+            Self::Ramp => Ramp::UP,
+            Self::Turning => Ramp::TURNING,
+        };
+        if up { ramp } else { ramp.reversed() }
     }
 }
 

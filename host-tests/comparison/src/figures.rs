@@ -2,31 +2,30 @@
 //!
 //! *Purpose.* What the table shows and the bounds judge.
 //!
-//! *Design.* All differences of all trials are one lot; only the worst mean and the
+//! *Design.* The differences of all trials are pooled; only the worst mean and the
 //! convergence are a trial's own.
 //!
-//! *Limits.* Quantiles of what convergence took are as fine as there are trials.
+//! *Limits.* Quantiles of the time to converge are as fine as there are trials.
 
-use world::others;
-
+use crate::baselines;
 use crate::case::{Case, Temperature};
 use crate::spread::{Spread, mean, quantile};
 use crate::trial::{Own, Trial};
 
-/// A contestant in a case, in ns.
+/// A candidate in a case. Times are in ns.
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// What it is called.
+    /// Its name.
     pub name: &'static str,
     /// The difference between the two boards in the window.
     pub spread: Spread,
-    /// The largest mean of a trial, and which trial that was.
+    /// The largest mean of a trial.
     pub worst_mean: f64,
-    /// See [`Row::worst_mean`].
+    /// The seed and the temperature of that trial.
     pub worst: (u64, Temperature),
     /// The trial with the largest difference of all.
     pub largest: (u64, Temperature),
-    /// When each trial had converged, in ns after the start, sorted.
+    /// When each trial had converged, after the start, sorted.
     pub converged_at: Vec<u64>,
 }
 
@@ -35,41 +34,38 @@ pub struct Row {
 pub struct Figures {
     /// The case.
     pub case: &'static Case,
-    /// How many trials were pooled.
+    /// The number of trials that were pooled.
     pub trials: usize,
-    /// Ours first, then the others.
+    /// Ours first, then the baselines.
     pub rows: Vec<Row>,
-    /// The difference between the two floors in the window, in ns.
+    /// The difference between the two floors in the window. [ns]
     pub floors: Spread,
     /// Ours over that of the floors, both as means over all times.
     pub ever_over_floors: f64,
-    /// Which share of the readings was within its uncertainty, and of those against
-    /// UTC within the sum of it and the uncertainty about an unknown latency.
+    /// The share of errors within their uncertainty.
     pub coverage: f64,
-    /// See [`Figures::coverage`].
+    /// The share of errors against UTC within the sum of it and the uncertainty of an
+    /// unknown latency.
     pub coverage_utc: f64,
     /// The mean uncertainty over the mean error.
     pub width: f64,
-    /// How far the rates of whole minutes were off, in 10⁻¹².
+    /// How far the rates of whole minutes were off. [10⁻¹²]
     pub rates: Option<Spread>,
-    /// By how much the difference changed from a loss to the window, in ns.
+    /// By how much the difference changed from a loss to the window. [ns]
     pub grown: Option<Spread>,
-    /// Readings that broke the referee's rules, and what the first one did.
-    pub fouls: u32,
-    /// See [`Figures::fouls`].
-    pub first_foul: Option<String>,
+    /// Readings that violate an invariant.
+    pub violations: u32,
+    /// What the first of them did.
+    pub first_violation: Option<String>,
 }
 
 impl Figures {
-    /// The figures of `trials`; none if nobody ever published in the window.
+    /// The figures of `trials`; none if no candidate published in the window.
     #[must_use]
     pub fn of(case: &'static Case, trials: Vec<Trial>) -> Option<Self> {
-        let names = ["ours"]
-            .into_iter()
-            .chain(others::ALL.map(|(name, _)| name));
-        let contestants = trials.first()?.tracks.len();
-        let rows = names
-            .take(contestants)
+        let candidates = trials.first()?.tracks.len();
+        let rows = baselines::candidates()
+            .take(candidates)
             .enumerate()
             .map(|(index, name)| row(name, index, &trials))
             .collect::<Option<Vec<_>>>()?;
@@ -88,8 +84,8 @@ impl Figures {
             own.uncertainty_sum += trial.own.uncertainty_sum;
             own.covered += trial.own.covered;
             own.covered_utc += trial.own.covered_utc;
-            own.fouls += trial.own.fouls;
-            own.first_foul = own.first_foul.or(trial.own.first_foul);
+            own.violations += trial.own.violations;
+            own.first_violation = own.first_violation.or(trial.own.first_violation);
         }
         let readings = own.errors.len() as f64;
         Some(Self {
@@ -103,14 +99,14 @@ impl Figures {
             width: own.uncertainty_sum as f64 / readings / mean(&own.errors)?,
             rates: Spread::of(own.rates),
             grown: Spread::of(grown),
-            fouls: own.fouls,
-            first_foul: own.first_foul,
+            violations: own.violations,
+            first_violation: own.first_violation,
         })
     }
 
-    /// For how long its boards lived, in s.
+    /// The simulated time of all its boards together. [s]
     #[must_use]
-    pub const fn lived_s(&self) -> u64 {
+    pub const fn simulated_s(&self) -> u64 {
         2 * self.trials as u64 * self.case.end_s()
     }
 
@@ -120,15 +116,15 @@ impl Figures {
         &self.rows[0]
     }
 
-    /// The least of a figure among the others; none where they do not take part.
+    /// The least of a figure among the baselines; none where they do not take part.
     #[must_use]
-    pub fn best_other(&self, figure: impl Fn(&Row) -> f64) -> Option<f64> {
+    pub fn best_baseline(&self, figure: impl Fn(&Row) -> f64) -> Option<f64> {
         self.rows[1..].iter().map(figure).reduce(f64::min)
     }
 }
 
 impl Row {
-    /// The share of the trials that had converged at `s` seconds.
+    /// The share of the trials that had converged by `s` seconds after the start.
     #[must_use]
     pub fn converged_by(&self, s: u64) -> f64 {
         let limit = s * crate::case::SECOND;
@@ -136,7 +132,7 @@ impl Row {
         by as f64 / self.converged_at.len() as f64
     }
 
-    /// When 95 % of the trials had converged, in ns after the start.
+    /// When 95 % of the trials had converged, after the start. [ns]
     #[must_use]
     pub fn converged_p95(&self) -> u64 {
         quantile(&self.converged_at, 0.95).unwrap_or(u64::MAX)

@@ -16,7 +16,7 @@ use crate::bounds::{Quantity, Verdict, judge};
 use crate::case::{SECOND, SETTLED_S, Temperature, Unit};
 use crate::figures::{Figures, Row};
 
-/// A case as text: a heading, a line a contestant, a line a bound.
+/// A case as text: a heading, a line a candidate, a line a bound.
 #[must_use]
 pub fn text(figures: &Figures) -> String {
     let case = figures.case;
@@ -42,7 +42,7 @@ pub fn text(figures: &Figures) -> String {
         ),
     );
     for row in &figures.rows {
-        line(&mut out, format_args!("{}", contestant(row, unit)));
+        line(&mut out, format_args!("{}", candidate(row, unit)));
     }
     if case.floor != crate::case::Floor::Still {
         let floors = &figures.floors;
@@ -75,17 +75,17 @@ pub fn text(figures: &Figures) -> String {
     }
     line(&mut out, format_args!("{own}"));
     let ours = figures.ours();
-    let told_trial = |(seed, kind): (u64, Temperature)| format!("seed {seed} {}", kind.name());
-    let (worst, largest) = (told_trial(ours.worst), told_trial(ours.largest));
+    let trial = |(seed, kind): (u64, Temperature)| format!("seed {seed} {}", kind.name());
+    let (worst, largest) = (trial(ours.worst), trial(ours.largest));
     line(
         &mut out,
         format_args!("ours: worst mean {worst}; largest {largest}"),
     );
     for verdict in judge(figures) {
-        line(&mut out, format_args!("{}", told(&verdict, unit)));
+        line(&mut out, format_args!("{}", described(&verdict, unit)));
     }
-    if let Some(foul) = &figures.first_foul {
-        line(&mut out, format_args!("the first foul: {foul}"));
+    if let Some(violation) = &figures.first_violation {
+        line(&mut out, format_args!("the first violation: {violation}"));
     }
     out
 }
@@ -121,7 +121,7 @@ pub fn value(figures: &Figures) -> Value {
         .collect();
     json!({
         "case": figures.case.name, "title": figures.case.title, "trials": figures.trials,
-        "contestants": rows, "bounds": bounds,
+        "candidates": rows, "bounds": bounds,
         "floors_mean_ns": figures.floors.mean, "floors_p99_ns": figures.floors.p99,
         "coverage": figures.coverage, "width": figures.width,
         "rate_p99_ppt": figures.rates.map(|rates| rates.p99),
@@ -133,7 +133,7 @@ fn line(out: &mut String, text: std::fmt::Arguments) {
     let _ = writeln!(out, "{}", text.to_string().trim_end());
 }
 
-fn contestant(row: &Row, unit: Unit) -> String {
+fn candidate(row: &Row, unit: Unit) -> String {
     let spread = &row.spread;
     let [p50, p95, p99, max] =
         [spread.p50, spread.p95, spread.p99, spread.max].map(|ns| in_unit(f64::from(ns), unit));
@@ -153,7 +153,7 @@ fn contestant(row: &Row, unit: Unit) -> String {
 
 /// A verdict in words.
 #[must_use]
-pub fn told(verdict: &Verdict, unit: Unit) -> String {
+pub fn described(verdict: &Verdict, unit: Unit) -> String {
     let quantity = verdict.bound.quantity;
     let value = |value: f64| match quantity {
         Quantity::Mean
@@ -168,7 +168,7 @@ pub fn told(verdict: &Verdict, unit: Unit) -> String {
         Quantity::ConvergedBy(_) | Quantity::Coverage | Quantity::CoverageUtc => {
             format!("{} %", three(value * 100.0))
         }
-        Quantity::Fouls => format!("{value}"),
+        Quantity::Violations => format!("{value}"),
         _ => three(value),
     };
     format!(
@@ -193,8 +193,8 @@ pub fn named(quantity: Quantity) -> String {
         Quantity::GrownP95 => "p95 of the change since the loss",
         Quantity::GrownMax => "max of the change since the loss",
         Quantity::Rate => "p99 of a minute's rate",
-        Quantity::MeanOverOthers => "mean over the others' best",
-        Quantity::P99OverOthers => "p99 over the others' best",
+        Quantity::MeanOverBaselines => "mean over the best baseline's",
+        Quantity::P99OverBaselines => "p99 over the best baseline's",
         Quantity::PaperOverMean => "mean of the paper over ours",
         Quantity::MeanOverFloors => "mean over the floors'",
         Quantity::P99OverFloors => "p99 over the floors'",
@@ -203,7 +203,7 @@ pub fn named(quantity: Quantity) -> String {
         Quantity::Coverage => "uncertainty holds the error",
         Quantity::CoverageUtc => "uncertainty and the latency's hold UTC",
         Quantity::Width => "uncertainty over error",
-        Quantity::Fouls => "readings that break the rules",
+        Quantity::Violations => "readings that violate an invariant",
     }
     .to_owned()
 }

@@ -7,7 +7,7 @@
 //! the line goes through the least late arrival of each [`BIN_S`], by LOESS
 //! (Cleveland, "Robust locally weighted regression", 1979): a straight line at each
 //! place, weighted by nearness within [`REACH_S`], and twice more with less weight
-//! for what lies off. It knows the future, which no clock does, and no contestant's
+//! for what lies off. It knows the future, which no clock does, and no candidate's
 //! opinion.
 //!
 //! *Limits.* A floor that wanders more slowly than its reach bends it, too. At the

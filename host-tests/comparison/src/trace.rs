@@ -4,34 +4,33 @@
 //! [smooth line](crate::smooth).
 //!
 //! *Design.* A trace is CSV with the header [`HEADER`], a row a message. Clocks are
-//! asked every 100 ms of the board's own time, from the first arrival to the last.
+//! read every 100 ms of the board's own time, from the first arrival to the last.
 //! What a clock is behind the line all the time is its latency, which equal boards
 //! have in common: the spread is what is left when the median is taken off.
 //!
-//! *Limits.* Nobody knows the true time. Messages count as handled when they
-//! arrived. A trace from before the earliest date that our clock believes is lifted
-//! by whole days.
+//! *Limits.* The true time is not known. Messages count as handled when they
+//! arrived. A trace from before the earliest date that our clock accepts is moved
+//! forward by whole days.
 
 use std::fmt;
 
-use timebase::Cycles;
-use utc_clock::{ClockState, Published, Settings};
-use world::others;
+use board_model::{Board, Invariants, OnViolation, good_mark};
+use utc_clock::{ClockState, Settings, UtcNanos};
 
-use crate::board::{Board, nominal_ns};
+use crate::baselines;
 use crate::smooth::Smooth;
 use crate::spread::{Spread, quantile};
 
 /// The first line of a trace: the board's own time of an arrival and the UTC since
-/// 1970 that the message told, both in µs.
+/// 1970 that the message named. [µs]
 pub const HEADER: &str = "local_us,gps_utc_us";
 
-/// Clocks are asked once in so many ns.
-const ASKED_EVERY_NS: i64 = 100_000_000;
-/// The board's time of the first arrival, in ns.
+/// From reading to reading. [ns]
+const READ_EVERY_NS: i64 = 100_000_000;
+/// The board's time of the first arrival. [ns]
 const BEGIN_NS: i64 = 1_000_000_000;
 const DAY_NS: i64 = 86_400_000_000_000;
-/// Ten years' worth: what an old trace is lifted by, in days, as often as needed.
+/// An old trace is moved forward by ten years, as often as needed. [days]
 const LIFT_DAYS: i64 = 3_653;
 
 /// What is wrong with a trace.
@@ -60,12 +59,12 @@ impl fmt::Display for TraceError {
 
 impl std::error::Error for TraceError {}
 
-/// A message's arrival, in ns.
+/// A message's arrival. [ns]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Row {
     /// By the board's own time, the first at 1 s.
     pub arrival: i64,
-    /// The UTC that it told, since 1970.
+    /// The UTC that it named, since 1970.
     pub utc: i64,
 }
 
@@ -74,7 +73,7 @@ pub struct Row {
 pub struct Trace {
     /// The arrivals in their order.
     pub rows: Vec<Row>,
-    /// It was lifted by so many days.
+    /// By how much it was moved forward. [days]
     pub lifted_days: i64,
 }
 
@@ -132,61 +131,63 @@ impl Trace {
     #[must_use]
     pub fn replay(&self) -> Replayed {
         let (first, last) = (self.rows[0], self.rows[self.rows.len() - 1]);
-        // All that follows is told from the first row on, so that it fits an f64.
+        // All that follows counts from the first row, so that it fits an f64.
         let offset = |local: i64, utc: i64| (utc - first.utc) - (local - first.arrival);
         let seconds = |local: i64| (local - first.arrival) as f64 * 1e-9;
-        let told: Vec<(f64, f64)> = self
+        let arrivals: Vec<(f64, f64)> = self
             .rows
             .iter()
             .map(|row| (seconds(row.arrival), offset(row.arrival, row.utc) as f64))
             .collect();
-        let smooth = Smooth::over(&told);
+        let smooth = Smooth::over(&arrivals);
         let off = |local: i64, utc: i64| {
             (offset(local, utc) as f64 - smooth.at(seconds(local))).round() as i64
         };
 
-        let line = Published::new();
-        let mut board = Board::new(Settings::DEFAULT, &line);
-        let mut rivals: Vec<_> = others::ALL.iter().map(|(_, make)| make()).collect();
-        let mut tracks = vec![Vec::new(); 1 + rivals.len()];
+        // By its own time a board's crystal is right; how far off it was is not known.
+        let mut board = Board::new(Settings::DEFAULT, 0.0);
+        board.read_every_ns = None;
+        board.invariants = Invariants::new(OnViolation::Count);
+        board.invariants.margin_ppb = f64::INFINITY;
+        let mut baselines = baselines::all();
+        let mut tracks = vec![Vec::new(); 1 + baselines.len()];
         let mut at = Vec::new();
         let mut rows = self.rows.iter().peekable();
-        let cycles = |ns: i64| Cycles::from_nanos(ns.max(0).cast_unsigned());
         let mut now = first.arrival;
         while now <= last.arrival {
             while let Some(row) = rows.next_if(|row| row.arrival <= now) {
-                let arrival = cycles(row.arrival);
-                board.handle_arrival(arrival, row.utc, arrival);
-                for rival in &mut rivals {
-                    rival.handle_mark(row.arrival, row.utc);
+                board.pass_until(row.arrival);
+                let arrival = board.cycles(row.arrival);
+                if let Some(mark) = good_mark(arrival, UtcNanos(row.utc)) {
+                    board.handle_mark(&mark);
+                }
+                for baseline in &mut baselines {
+                    baseline.handle_mark(row.arrival, row.utc);
                 }
             }
-            let stamp = cycles(now);
-            let reading = board.read(stamp, nominal_ns(stamp));
-            let set = reading.state != ClockState::Unset;
-            tracks[0].push(set.then(|| off(now, reading.utc.0)));
-            for (rival, track) in rivals.iter().zip(&mut tracks[1..]) {
-                track.push(rival.utc_ns(now).map(|utc| off(now, utc)));
+            board.pass_until(now);
+            let reading = board.read();
+            let is_set = reading.state != ClockState::Unset;
+            tracks[0].push(is_set.then(|| off(now, reading.utc.0)));
+            for (baseline, track) in baselines.iter().zip(&mut tracks[1..]) {
+                track.push(baseline.utc_ns(now).map(|utc| off(now, utc)));
             }
             at.push(now);
-            now += ASKED_EVERY_NS;
+            now += READ_EVERY_NS;
         }
-        let names = ["ours"]
-            .into_iter()
-            .chain(others::ALL.map(|(name, _)| name));
         let arrivals = self
             .rows
             .iter()
             .map(|row| (row.arrival, off(row.arrival, row.utc)));
         Replayed {
             at,
-            tracks: names
+            tracks: baselines::candidates()
                 .zip(tracks)
                 .map(|(name, ahead)| Track { name, ahead })
                 .collect(),
             arrivals: arrivals.collect(),
-            counters: board.clock().counters(),
-            fouls: board.fouls().1,
+            counters: board.clock.counters(),
+            violation: board.invariants.violations().1.map(str::to_owned),
         }
     }
 }
@@ -196,14 +197,14 @@ impl Trace {
 pub struct Track {
     /// The clock.
     pub name: &'static str,
-    /// How far ahead of the smooth line it was at each moment, in ns; none as long as
-    /// it was unset.
+    /// How far ahead of the smooth line it was at each moment; none while it was
+    /// unset. [ns]
     pub ahead: Vec<Option<i64>>,
 }
 
 impl Track {
-    /// How far it was ahead as a rule (the median), in ns, and how it spread about
-    /// that; none if it was never set.
+    /// The median of how far it was ahead, and how it spread about that; none if it
+    /// was never set. [ns]
     #[must_use]
     pub fn spread(&self) -> Option<(i64, Spread)> {
         let mut ahead: Vec<i64> = self.ahead.iter().flatten().copied().collect();
@@ -217,19 +218,19 @@ impl Track {
     }
 }
 
-/// What became of a trace.
+/// The outcome of a trace.
 #[derive(Clone, Debug)]
 pub struct Replayed {
-    /// The moments at which the clocks were asked: the board's own time, in ns.
+    /// The moments at which the clocks were read: the board's own time. [ns]
     pub at: Vec<i64>,
-    /// Ours first, then the others.
+    /// Ours first, then the baselines.
     pub tracks: Vec<Track>,
-    /// Each arrival and how far ahead of the line its message was, in ns.
+    /// Each arrival and how far ahead of the line its message was. [ns]
     pub arrivals: Vec<(i64, i64)>,
     /// What ours counted.
     pub counters: utc_clock::Counters,
-    /// The first reading of ours that broke the referee's rules.
-    pub fouls: Option<String>,
+    /// What the first reading of ours that violates an invariant did.
+    pub violation: Option<String>,
 }
 
 #[cfg(test)]
@@ -273,7 +274,7 @@ mod tests {
             .map(|i| format!("{},{}", i * 200_000, 1_800_000_000_000_000 + i * 200_000))
             .collect();
         let replayed = parse(&rows.join("\n")).unwrap().replay();
-        assert_eq!(replayed.fouls, None);
+        assert_eq!(replayed.violation, None);
         for track in &replayed.tracks {
             let (ahead, spread) = track.spread().unwrap();
             // PX4's leaks 20 us from message to message.

@@ -1,49 +1,48 @@
-//! A trial: one world, two boards, everybody's clock on the same arrivals.
+//! A trial: one world, two boards, all candidates on the same arrivals.
 //!
-//! *Purpose.* What two equal boards published at the same true moments, and how far
-//! it was apart.
+//! *Purpose.* How far apart the published times of two equal boards are at the same
+//! true moments.
 //!
-//! *Design.* Each board lives alone through its events (a mark when its frame has
-//! come in, a pulse when its task has got round to it) and is asked at moments that
-//! both have in common: one in each 100 ms, anywhere in it, so that they stand in no
-//! relation to marks or pulses. Then the two lives are laid side by side.
+//! *Design.* Each board is run alone and read at moments that both have in common:
+//! one in each 100 ms, anywhere in it, so that they stand in no relation to marks or
+//! pulses. Then the two histories are compared.
 //!
-//! *Limits.* Both boards start at the same moment. The others hear no pulse.
+//! *Limits.* Both boards start at the same moment. The baselines use no pulse.
 
+use board_model::{
+    BYTE_NS, EventKind, Invariants, MS, OnViolation, SECOND, START, Scenario, nominal_ns,
+};
 use fastrand::Rng;
-use timebase::{Cycles, PulseForecast, PulseMark};
-use utc_clock::{ClockState, Ppb, Published, Settings};
-use world::others::{self, Other};
+use utc_clock::{ClockState, Ppb, Settings};
 use world::{
-    Arrivals, Crystal, CrystalSettings, Port, PulseSettings, ReceiverSettings, WorldNanos,
+    Arrivals, CrystalSettings, Port, PulseFault, PulseFaultKind, PulseSettings, ReceiverSettings,
+    WorldNanos,
 };
 
-use crate::board::{Board, nominal_ns};
-use crate::case::{Case, Pulse, SECOND, SETTLED_S, Temperature};
-use crate::events::{What, events};
+use crate::baselines;
+use crate::case::{Case, Lost, Pulse, SETTLED_S, Temperature};
 
-/// 2026-11-22T01:02:03Z; each world starts within the second that follows.
-const START_UTC_NS: i64 = 1_795_309_323_000_000_000;
-/// The clocks are asked once in so many ns.
-const ASKED_EVERY_NS: u64 = 100_000_000;
-/// Rates are taken over so many askings: a minute.
+/// How much worse than its crystal the clock's frequency may be: correlated jitter and wandering
+/// floors teach a wrong one at first. 209 ppm were seen, on crystals within ±50 ppm. [ppb]
+const MARGIN_PPB: f64 = 220_000.0;
+/// From reading to reading, on average. [ns]
+const READ_EVERY_NS: i64 = 100 * MS;
+/// Rates are taken over a minute. [readings]
 const RATE_OVER: usize = 600;
-/// One byte at 115200 baud, in ns: a mark is stamped at its end.
-const FIRST_BYTE_NS: i64 = 86_806;
-/// Crystals lie within so many ppb.
+/// How far crystals are off, at most. [ppb]
 const CRYSTAL_PPB: f64 = 50_000.0;
-/// Receivers have a TCXO that is within so many ppb.
+/// How far the TCXO of a receiver is off, at most. [ppb]
 const RECEIVER_PPB: i32 = 1_000;
-/// A stored frequency is off by at most so many ppb: a crystal's ageing in a year,
-/// or 10 °C where its curve is flat.
+/// How far a stored frequency is off, at most: a crystal's ageing in a year, or
+/// 10 °C where its curve is flat. [ppb]
 const STORED_UNCERTAINTY_PPB: i32 = 500;
 
-/// A contestant in a trial: the difference between its two boards, in ns.
+/// A candidate in a trial: the difference between its two boards.
 #[derive(Clone, Debug, Default)]
 pub struct Track {
-    /// Each one in the window.
+    /// Each one in the window. [ns]
     pub differences: Vec<u32>,
-    /// When it had converged, in ns after the start.
+    /// When it had converged, after the start. [ns]
     pub converged_at: u64,
 }
 
@@ -51,40 +50,40 @@ pub struct Track {
 #[derive(Clone, Debug, Default)]
 pub struct Own {
     /// Each board's error in the window, against floor time or under the pulse
-    /// against UTC, in ns.
+    /// against UTC. [ns]
     pub errors: Vec<u32>,
-    /// The sum of the uncertainties published with them, in ns.
+    /// The sum of the uncertainties published with them. [ns]
     pub uncertainty_sum: u64,
-    /// How many of the errors those held.
+    /// How many of the errors are within those.
     pub covered: u64,
-    /// How many of the errors against UTC they held, with the uncertainty about an
-    /// unknown latency added.
+    /// How many of the errors against UTC are within those and the uncertainty of an
+    /// unknown latency together.
     pub covered_utc: u64,
-    /// How far each minute's rate in the window was off, in 10⁻¹².
+    /// How far the rate of each minute in the window was off. [10⁻¹²]
     pub rates: Vec<u32>,
-    /// What the difference did from the moment of a loss to the window, in ns.
+    /// By how much the difference changed from a loss to the window. [ns]
     pub grown: Option<u32>,
-    /// Readings that broke the referee's rules, and what the first did.
-    pub fouls: u32,
-    /// See [`Own::fouls`].
-    pub first_foul: Option<String>,
+    /// Readings that violate an invariant.
+    pub violations: u32,
+    /// What the first of them did.
+    pub first_violation: Option<String>,
 }
 
 /// A trial's result.
 #[derive(Clone, Debug)]
 pub struct Trial {
-    /// Where its chance came from.
+    /// The source of its chance.
     pub seed: u64,
-    /// What the temperature did.
+    /// The temperature.
     pub temperature: Temperature,
-    /// Ours first, then [`others::ALL`] in its order, where there is no pulse.
+    /// Ours first, then the baselines in their order, where there is no pulse.
     pub tracks: Vec<Track>,
     /// Ours in depth.
     pub own: Own,
-    /// How far apart the floors of the two receivers were in the window, in ns.
+    /// How far apart the floors of the two receivers were in the window. [ns]
     pub floors: Vec<u32>,
     /// Sums over all moments at which ours was set on both boards: of its
-    /// difference and of the floors', in ns.
+    /// difference and of the floors'. [ns]
     pub ever: (u64, u64),
 }
 
@@ -92,13 +91,12 @@ pub struct Trial {
 #[must_use]
 pub fn run(case: &Case, temperature: Temperature, seed: u64) -> Trial {
     let mut rng = Rng::with_seed(seed);
-    let utc_at_start_ns = START_UTC_NS + rng.i64(0..SECOND.cast_signed());
-    let moments: Vec<u64> = (0..case.end_s() * SECOND / ASKED_EVERY_NS)
-        .map(|number| number * ASKED_EVERY_NS + rng.u64(0..ASKED_EVERY_NS))
+    let utc_at_start_ns = START.0 + rng.i64(0..SECOND);
+    let moments: Vec<i64> = (0..case.end_s().cast_signed() * SECOND / READ_EVERY_NS)
+        .map(|number| number * READ_EVERY_NS + rng.i64(0..READ_EVERY_NS))
         .collect();
-    let lives = [0, 1].map(|_| {
-        let world = BoardWorld {
-            utc_at_start_ns,
+    let histories = [0, 1].map(|_| {
+        let chance = Chance {
             seed: rng.u64(..),
             crystal_ppb: (rng.f64() * 2.0 - 1.0) * CRYSTAL_PPB,
             warms: rng.bool(),
@@ -106,7 +104,8 @@ pub fn run(case: &Case, temperature: Temperature, seed: u64) -> Trial {
             stored_off_ppb: rng.i32(-STORED_UNCERTAINTY_PPB..=STORED_UNCERTAINTY_PPB),
             receiver_ppb: rng.i32(-RECEIVER_PPB..=RECEIVER_PPB),
         };
-        world.live(case, temperature, &moments)
+        let scenario = chance.scenario(case, temperature, utc_at_start_ns);
+        History::of(&scenario, &moments)
     });
     let trial = Trial {
         seed,
@@ -116,12 +115,11 @@ pub fn run(case: &Case, temperature: Temperature, seed: u64) -> Trial {
         floors: Vec::new(),
         ever: (0, 0),
     };
-    side_by_side(case, &moments, lives, trial)
+    compare(case, &moments, histories, trial)
 }
 
 /// What chance gave to a board.
-struct BoardWorld {
-    utc_at_start_ns: i64,
+struct Chance {
     seed: u64,
     crystal_ppb: f64,
     /// Which way the temperature drives its crystal.
@@ -133,23 +131,27 @@ struct BoardWorld {
     receiver_ppb: i32,
 }
 
-/// What a board's clocks published less UTC, in ns, at each moment.
-struct Life {
-    /// With the uncertainty.
-    ours: Vec<Option<(i64, u32)>>,
-    others: Vec<Vec<Option<i64>>>,
-    /// The floor of the receiver's latency.
-    floors: Vec<u64>,
-    /// The least of it ever, to the end of the first byte.
-    least: i64,
-    fouls: u32,
-    first_foul: Option<String>,
-}
+impl Chance {
+    fn scenario(&self, case: &Case, temperature: Temperature, utc_at_start_ns: i64) -> Scenario {
+        let receiver = self.receiver(case, utc_at_start_ns);
+        Scenario {
+            settings: self.settings(case),
+            crystal: CrystalSettings {
+                ramp: temperature.ramp(self.warms),
+                ..CrystalSettings::new(self.crystal_ppb)
+            },
+            pulse: case.pulse.map(|_| receiver.clone()),
+            receiver,
+            messages_lost: (case.lost.into_iter())
+                .filter(|(lost, _)| *lost == Lost::Messages)
+                .map(|(_, from_s)| from_s.cast_signed() * SECOND..i64::MAX)
+                .collect(),
+        }
+    }
 
-impl BoardWorld {
-    fn receiver(&self, case: &Case) -> ReceiverSettings {
+    fn receiver(&self, case: &Case, utc_at_start_ns: i64) -> ReceiverSettings {
         let wander = case.floor.wander(self.phase);
-        ReceiverSettings {
+        let mut receiver = ReceiverSettings {
             seed: self.seed,
             latency: (case.latency)().with_wander(wander),
             port: Port::CONFIGURED,
@@ -158,16 +160,17 @@ impl BoardWorld {
                 Some(Pulse::HalfCorrelated) => PulseSettings::m8_correlated(),
                 _ => PulseSettings::m8(),
             },
-            ..ReceiverSettings::new(self.utc_at_start_ns)
-        }
-    }
-
-    fn crystal(&self, temperature: Temperature) -> Crystal {
-        let settings = CrystalSettings {
-            ramp: temperature.ramp(self.warms),
-            ..CrystalSettings::new(self.crystal_ppb)
+            ..ReceiverSettings::new(utc_at_start_ns)
         };
-        Crystal::new(settings, self.seed)
+        receiver.port.tim_tp_every = u8::from(case.pulse == Some(Pulse::Forecast));
+        if let Some((Lost::Pulse, from_s)) = case.lost {
+            receiver.pulse.faults.push(PulseFault {
+                from: board_model::at_s(from_s),
+                until: WorldNanos(u64::MAX),
+                kind: PulseFaultKind::Cut,
+            });
+        }
+        receiver
     }
 
     fn settings(&self, case: &Case) -> Settings {
@@ -191,79 +194,91 @@ impl BoardWorld {
             unknown
         }
     }
+}
 
-    fn live(&self, case: &Case, temperature: Temperature, moments: &[u64]) -> Life {
-        let receiver = self.receiver(case);
-        let mut crystal = self.crystal(temperature);
-        let mut floors = Arrivals::new(&receiver);
-        let mut events = events(case, &receiver).peekable();
-        let line = Published::new();
-        let mut board = Board::new(self.settings(case), &line);
-        let mut rivals: Vec<Box<dyn Other + Send>> = if case.pulse.is_none() {
-            others::ALL.iter().map(|(_, make)| make()).collect()
-        } else {
-            Vec::new()
+/// What a board's candidates published less UTC, at each moment.
+struct History {
+    /// Our clock's error and uncertainty, while it is set. [ns]
+    ours: Vec<Option<(i64, u32)>>,
+    /// Each baseline's error, while it is set. [ns]
+    baselines: Vec<Vec<Option<i64>>>,
+    /// The floor of the receiver's latency. [ns]
+    floors: Vec<u64>,
+    /// The least floor, to the end of the first byte. [ns]
+    least: i64,
+    violations: u32,
+    first_violation: Option<String>,
+}
+
+impl History {
+    fn of(scenario: &Scenario, moments: &[i64]) -> Self {
+        let mut run = scenario.start();
+        run.board.read_every_ns = None;
+        run.board.invariants = Invariants::new(OnViolation::Count);
+        run.board.invariants.margin_ppb = MARGIN_PPB;
+        let mut floors = Arrivals::new(&scenario.receiver);
+        let mut baselines = match scenario.pulse {
+            None => baselines::all(),
+            Some(_) => Vec::new(),
         };
-        let mut life = Life {
+        let mut history = Self {
             ours: Vec::with_capacity(moments.len()),
-            others: vec![Vec::with_capacity(moments.len()); rivals.len()],
-            floors: Vec::new(),
-            least: 0,
-            fouls: 0,
-            first_foul: None,
+            baselines: vec![Vec::with_capacity(moments.len()); baselines.len()],
+            floors: Vec::with_capacity(moments.len()),
+            least: scenario.receiver.latency.least_ns.cast_signed() + BYTE_NS,
+            violations: 0,
+            first_violation: None,
         };
         for &moment in moments {
-            while let Some(event) = events.next_if(|event| event.handled <= moment) {
-                let mut cycles = |ns| Cycles(crystal.cycles_at(WorldNanos(ns)));
-                let (happened, now) = (cycles(event.happened), cycles(event.handled));
-                match event.what {
-                    What::Mark { epoch_utc_ns } => {
-                        board.handle_arrival(happened, epoch_utc_ns, now);
-                        for rival in &mut rivals {
-                            rival.handle_mark(nominal_ns(happened), epoch_utc_ns);
-                        }
-                    }
-                    What::Pulse => board.pulse(&PulseMark { edge: happened }, now),
-                    What::Forecast { late_ps } => {
-                        let arrival = happened;
-                        board.forecast(&PulseForecast { arrival, late_ps }, now);
+            while let Some(event) = run.next_until(moment) {
+                if let EventKind::Mark { epoch } = event.kind {
+                    let arrival_ns = nominal_ns(run.board.cycles(event.stamped_ns));
+                    for baseline in &mut baselines {
+                        baseline.handle_mark(arrival_ns, epoch.0);
                     }
                 }
             }
-            let now = Cycles(crystal.cycles_at(WorldNanos(moment)));
-            let truth = self.utc_at_start_ns + moment.cast_signed();
-            let reading = board.read(now, truth);
-            life.ours.push(
-                (reading.state != ClockState::Unset)
-                    .then(|| (reading.utc.0 - truth, reading.uncertainty_ns)),
-            );
-            for (rival, told) in rivals.iter().zip(&mut life.others) {
-                told.push(rival.utc_ns(nominal_ns(now)).map(|utc| utc - truth));
+            run.until(moment);
+            let (reading, truth) = (run.board.read(), run.board.truth());
+            let is_set = reading.state != ClockState::Unset;
+            let error_ns = reading.utc.since(truth);
+            let ours = is_set.then_some((error_ns, reading.uncertainty_ns));
+            history.ours.push(ours);
+            let now_ns = nominal_ns(run.board.cycles(moment));
+            for (baseline, errors) in baselines.iter().zip(&mut history.baselines) {
+                errors.push(baseline.utc_ns(now_ns).map(|utc| utc - truth.0));
             }
-            life.floors.push(floors.floor_ns(WorldNanos(moment)));
+            let floor_ns = floors.floor_ns(WorldNanos(moment.unsigned_abs()));
+            history.floors.push(floor_ns);
         }
-        life.least = receiver.latency.least_ns.cast_signed() + FIRST_BYTE_NS;
-        (life.fouls, life.first_foul) = board.fouls();
-        life
+        let (violations, first) = run.board.invariants.violations();
+        history.violations = violations;
+        history.first_violation = first.map(str::to_owned);
+        history
     }
 }
 
-/// Lays two lives side by side.
-fn side_by_side(case: &Case, moments: &[u64], [one, other]: [Life; 2], mut trial: Trial) -> Trial {
-    let window = case.window_s.start * SECOND..case.window_s.end * SECOND;
+/// Compares the histories of two boards.
+fn compare(case: &Case, moments: &[i64], [one, other]: [History; 2], mut trial: Trial) -> Trial {
+    let window_s = case.window_s.start.cast_signed()..case.window_s.end.cast_signed();
+    let window = window_s.start * SECOND..window_s.end * SECOND;
     let in_window: Vec<usize> = (0..moments.len())
         .filter(|&index| window.contains(&moments[index]))
         .take(if case.one_moment { 1 } else { usize::MAX })
         .collect();
-    let at = |life: &Life, index: usize| life.ours[index].map(|(error, _)| error);
+    let at = |history: &History, index: usize| history.ours[index].map(|(error, _)| error);
     let ours: Vec<_> = (0..moments.len())
         .map(|index| difference(at(&one, index), at(&other, index)))
         .collect();
-    let rivals = one.others.iter().zip(&other.others).map(|(one, other)| {
-        let pairs = one.iter().zip(other);
-        pairs.map(|(one, other)| difference(*one, *other)).collect()
-    });
-    let all: Vec<Vec<_>> = std::iter::once(ours).chain(rivals).collect();
+    let baselines = one
+        .baselines
+        .iter()
+        .zip(&other.baselines)
+        .map(|(one, other)| {
+            let pairs = one.iter().zip(other);
+            pairs.map(|(one, other)| difference(*one, *other)).collect()
+        });
+    let all: Vec<Vec<_>> = std::iter::once(ours).chain(baselines).collect();
     let tracks = all.iter().map(|differences| Track {
         differences: in_window.iter().filter_map(|&i| differences[i]).collect(),
         converged_at: converged_at(case, moments, differences),
@@ -286,22 +301,26 @@ fn side_by_side(case: &Case, moments: &[u64], [one, other]: [Life; 2], mut trial
     if let Some((_, lost_s)) = case.lost
         && let Some(&then) = in_window.first()
     {
-        let last = moments.partition_point(|&moment| moment < lost_s * SECOND) - 1;
+        let last = moments.partition_point(|&moment| moment < lost_s.cast_signed() * SECOND) - 1;
         let apart = |index| Some(at(&one, index)? - at(&other, index)?);
         trial.own.grown = difference(apart(last), apart(then));
     }
-    for life in [one, other] {
-        trial.own.add(case, &in_window, life);
+    for history in [one, other] {
+        trial.own.add(case, &in_window, history);
     }
     trial
 }
 
 impl Own {
-    fn add(&mut self, case: &Case, window: &[usize], life: Life) {
-        let floor = if case.pulse.is_some() { 0 } else { life.least };
+    fn add(&mut self, case: &Case, window: &[usize], history: History) {
+        let floor = if case.pulse.is_some() {
+            0
+        } else {
+            history.least
+        };
         let latency_uncertainty = u64::from(Settings::DEFAULT.latency_uncertainty_ns);
         for &index in window {
-            let Some((error, uncertainty)) = life.ours[index] else {
+            let Some((error, uncertainty)) = history.ours[index] else {
                 continue;
             };
             let against_floor = (error + floor).unsigned_abs();
@@ -315,16 +334,17 @@ impl Own {
         for &index in window.iter().step_by(10) {
             let later = index + RATE_OVER;
             if window.contains(&later)
-                && let (Some((before, _)), Some((after, _))) = (life.ours[index], life.ours[later])
+                && let (Some((before, _)), Some((after, _))) =
+                    (history.ours[index], history.ours[later])
             {
                 // Moments stand anywhere in their 100 ms: good to 0.2 % of a minute.
-                let minute = RATE_OVER as f64 * ASKED_EVERY_NS as f64;
+                let minute = RATE_OVER as f64 * READ_EVERY_NS as f64;
                 let rate = (after - before) as f64 / minute * 1e12;
                 self.rates.push(rate.abs().round() as u32);
             }
         }
-        self.fouls += life.fouls;
-        self.first_foul = self.first_foul.take().or(life.first_foul);
+        self.violations += history.violations;
+        self.first_violation = self.first_violation.take().or(history.first_violation);
     }
 }
 
@@ -340,10 +360,10 @@ fn capped(ns: u64) -> u32 {
 
 /// The first moment from which on the difference is within the case's limit until
 /// convergence is over.
-fn converged_at(case: &Case, moments: &[u64], differences: &[Option<u32>]) -> u64 {
-    let until = moments.partition_point(|&moment| moment < SETTLED_S * SECOND);
+fn converged_at(case: &Case, moments: &[i64], differences: &[Option<u32>]) -> u64 {
+    let until = moments.partition_point(|&moment| moment < SETTLED_S.cast_signed() * SECOND);
     let outside = differences[..until]
         .iter()
         .rposition(|difference| difference.is_none_or(|ns| ns > case.converged_ns));
-    outside.map_or(0, |last| moments[last])
+    outside.map_or(0, |last| moments[last].unsigned_abs())
 }

@@ -59,6 +59,31 @@ pub enum Ramp {
     },
 }
 
+impl Ramp {
+    /// 1 ppm a minute, always up.
+    pub const UP: Self = Self::Constant {
+        ppb_per_min: 1_000.0,
+    };
+
+    /// 1 ppm a minute, turning every 2 minutes on average.
+    pub const TURNING: Self = Self::Random {
+        ppb_per_min: 1_000.0,
+        every_ns: 120_000_000_000,
+    };
+
+    /// The same in the other direction.
+    #[must_use]
+    pub const fn reversed(mut self) -> Self {
+        match &mut self {
+            Self::None => {}
+            Self::Constant { ppb_per_min }
+            | Self::Switching { ppb_per_min, .. }
+            | Self::Random { ppb_per_min, .. } => *ppb_per_min = -*ppb_per_min,
+        }
+        self
+    }
+}
+
 /// What a [`Crystal`] is like.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CrystalSettings {

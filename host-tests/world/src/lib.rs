@@ -24,7 +24,6 @@ mod event;
 mod excess;
 mod latency;
 mod line;
-pub mod others;
 mod pulse;
 mod pulse_maker;
 mod receiver;

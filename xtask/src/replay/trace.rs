@@ -35,10 +35,10 @@ pub fn run(options: &Options, content: &[u8]) -> Result<ExitCode> {
         tell(&trace, &replayed);
         println!("the picture is in {}", svg.display());
     }
-    Ok(match replayed.fouls {
+    Ok(match replayed.violation {
         None => ExitCode::SUCCESS,
-        Some(foul) => {
-            eprintln!("our clock broke its own rules: {foul}");
+        Some(violation) => {
+            eprintln!("our clock violates an invariant: {violation}");
             ExitCode::FAILURE
         }
     })

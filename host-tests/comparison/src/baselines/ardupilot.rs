@@ -9,9 +9,9 @@
 //! and does not set it while armed; and arrivals are seen on a polling grid of
 //! 20 ms. Their count is in µs, this in ns.
 
-use super::Other;
+use super::baseline::Baseline;
 
-/// `max_lag_ms`, in ns.
+/// `max_lag_ms`. [ns]
 const MAX_LAG_NS: i64 = 500_000_000;
 /// `convergence_loops`.
 const LOOPS: u16 = 100;
@@ -22,24 +22,24 @@ pub struct ArduPilot {
     /// Nominal time less UTC.
     lag_ns: Option<i64>,
     least_ns: i64,
-    heard: u16,
+    received: u16,
 }
 
-impl Other for ArduPilot {
+impl Baseline for ArduPilot {
     fn handle_mark(&mut self, local_ns: i64, epoch_utc_ns: i64) {
-        let told = local_ns - epoch_utc_ns;
-        let assumed = self.lag_ns.map_or(told, |lag| lag.min(told));
-        self.lag_ns = Some(assumed.max(told - MAX_LAG_NS));
+        let lag_ns = local_ns - epoch_utc_ns;
+        let assumed = self.lag_ns.map_or(lag_ns, |lag| lag.min(lag_ns));
+        self.lag_ns = Some(assumed.max(lag_ns - MAX_LAG_NS));
 
-        self.least_ns = if self.heard == 0 {
-            told
+        self.least_ns = if self.received == 0 {
+            lag_ns
         } else {
-            self.least_ns.min(told)
+            self.least_ns.min(lag_ns)
         };
-        self.heard += 1;
-        if self.heard == LOOPS {
+        self.received += 1;
+        if self.received == LOOPS {
             self.lag_ns = Some(self.least_ns);
-            self.heard = 0;
+            self.received = 0;
         }
     }
 
@@ -54,7 +54,7 @@ mod tests {
 
     const MS: i64 = 1_000_000;
 
-    /// One that has heard these lags, 200 ms apart, and what it publishes then.
+    /// What it publishes after messages with these lags, 200 ms apart. [ms]
     fn lag_after(lags_ms: impl IntoIterator<Item = i64>) -> i64 {
         let mut clock = ArduPilot::default();
         for (number, lag) in (0..).zip(lags_ms) {

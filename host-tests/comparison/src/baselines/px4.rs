@@ -8,11 +8,11 @@
 //! between the last one and the arrival; the wall clock itself is not set from it.
 //! Here the offset is published as if it were. Their count is in µs, this in ns.
 
-use super::Other;
+use super::baseline::Baseline;
 
 /// `kMaxClockDriftPpm`: the leak.
 const LEAK_PPM: i64 = 100;
-/// `kUtcDiscontinuityResetUs`, in ns.
+/// `kUtcDiscontinuityResetUs`. [ns]
 const RESET_NS: i64 = 100_000_000;
 
 /// The leaky maximum.
@@ -22,15 +22,15 @@ pub struct Px4 {
     state: Option<(i64, i64)>,
 }
 
-impl Other for Px4 {
+impl Baseline for Px4 {
     fn handle_mark(&mut self, local_ns: i64, epoch_utc_ns: i64) {
-        let told = epoch_utc_ns - local_ns;
+        let offset = epoch_utc_ns - local_ns;
         let offset_ns = match self.state {
-            Some((offset_ns, then)) if told >= offset_ns - RESET_NS => {
+            Some((offset_ns, then)) if offset >= offset_ns - RESET_NS => {
                 let leak = (local_ns - then).max(0) * LEAK_PPM / 1_000_000;
-                told.max(offset_ns - leak)
+                offset.max(offset_ns - leak)
             }
-            _ => told,
+            _ => offset,
         };
         self.state = Some((offset_ns, local_ns));
     }

@@ -9,7 +9,7 @@
 //! what is left is the receiver's latency and its jitter. An image built for one of the paper's
 //! variants (`PIXCLOCK_VARIANT`) has them.
 
-use super::Other;
+use super::baseline::Baseline;
 
 /// UTC less nominal time, as the last message had it.
 #[derive(Clone, Copy, Debug, Default)]
@@ -17,7 +17,7 @@ pub struct Paper {
     offset_ns: Option<i64>,
 }
 
-impl Other for Paper {
+impl Baseline for Paper {
     fn handle_mark(&mut self, local_ns: i64, epoch_utc_ns: i64) {
         self.offset_ns = Some(epoch_utc_ns - local_ns);
     }

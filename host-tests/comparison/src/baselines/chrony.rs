@@ -5,8 +5,8 @@
 //! 60 % round the median of the last 64 samples become one; through at most 64 of
 //! those goes a line, weighted by their dispersion, that sheds its oldest samples
 //! until its residuals change sign often enough. Its slope corrects the
-//! frequency as far as it is surer than what was known, its end the phase, the
-//! more slowly the noisier it is.
+//! frequency by a weight that its certainty gives it, its end the phase, the more
+//! slowly the noisier it is.
 //!
 //! *Left out.* The choice between sources, the asymmetry of network delays, and
 //! the driver's wait for the next message. The tables for Student's t and for runs
@@ -15,23 +15,25 @@
 
 use std::collections::VecDeque;
 
-use super::Other;
+use super::baseline::Baseline;
 
-/// Seconds from poll to poll: `poll 4`.
+/// From poll to poll, `poll 4`. [s]
 const POLL: f64 = 16.0;
-/// `filter 64`, and the fewest that make a sample.
+/// `filter 64`.
 const FILTER: usize = 64;
+/// The fewest messages that make a sample.
 const FILTER_MIN: usize = 4;
-/// Of the filter's samples so much, round the median, is kept.
+/// The share of the filter's samples, round the median, that is kept.
 const COMBINE: f64 = 0.6;
 /// Samples on the line at most; as many again take part in the test of its runs.
 const LINE_MAX: usize = 64;
-/// A line needs so many, and sheds none below so many (`minsamples`).
+/// The fewest samples that make a line.
 const LINE_MIN: usize = 3;
+/// A line of that many samples or fewer sheds none (`minsamples`).
 const SHED_MIN: usize = 6;
 /// Sample variances are compared at 90 % (χ² of 36 degrees of freedom, over 36).
 const VARIANCE_RATIO: f64 = 1.31;
-/// Precision of the clock, s.
+/// Precision of the clock. [s]
 const PRECISION: f64 = 1e-9;
 /// `maxupdateskew`: 1 000 ppm. A line whose slope is less sure changes no frequency.
 const SKEW_MAX: f64 = 1e-3;
@@ -39,7 +41,7 @@ const SKEW_MAX: f64 = 1e-3;
 const CORRECTION_RATIO: f64 = 3.0;
 /// `maxslewrate`: 83 333 ppm.
 const SLEW_MAX: f64 = 1.0 / 12.0;
-/// No slew takes less, s.
+/// The shortest slew. [s]
 const SLEW_MIN_S: f64 = 1.0;
 
 /// A filtered sample: when (s of nominal time), UTC less nominal time (s), and
@@ -133,7 +135,7 @@ pub struct Chrony {
     skew: Option<f64>,
 }
 
-impl Other for Chrony {
+impl Baseline for Chrony {
     fn handle_mark(&mut self, local_ns: i64, epoch_utc_ns: i64) {
         let (local, utc) = *self.origin.get_or_insert((local_ns, epoch_utc_ns));
         let t = (local_ns - local) as f64 * 1e-9;
@@ -251,7 +253,7 @@ impl Chrony {
     }
 
     fn steer(&mut self, line: &Line, newest: f64, now: f64) {
-        let told = line.intercept + line.slope * (now - newest);
+        let measured_offset = line.intercept + line.slope * (now - newest);
         let known = self.skew.unwrap_or(1.0);
         let measured = line.slope_sd * student(self.on_line - 2);
         let before = self.clock.map_or(0.0, |clock| clock.frequency);
@@ -268,7 +270,7 @@ impl Chrony {
         let Some(clock) = self.clock else {
             self.clock = Some(Clock {
                 at: now,
-                offset: told,
+                offset: measured_offset,
                 frequency,
                 slew: 0.0,
                 slew_for: 0.0,
@@ -276,7 +278,7 @@ impl Chrony {
             return;
         };
         let offset = clock.offset_at(now);
-        let error = told - offset;
+        let error = measured_offset - offset;
         let area = CORRECTION_RATIO * 0.5 * line.intercept_sd * POLL;
         let wanted_s = (area / error.abs()).max(SLEW_MIN_S);
         let slew = (error / wanted_s).clamp(-SLEW_MAX, SLEW_MAX);
@@ -329,8 +331,8 @@ mod tests {
 
     const SECOND: i64 = 1_000_000_000;
 
-    /// Heard 5 times a second for `seconds` by a board that runs 30 ppm fast, with
-    /// these latencies in ns by number: what it publishes less UTC at the end.
+    /// What it publishes less UTC after `seconds` at 5 Hz, on a board that runs 30 ppm fast, with
+    /// a latency that depends on the message's number. [ns]
     fn error_after(seconds: i64, latency: impl Fn(i64) -> i64) -> Option<i64> {
         let mut clock = Chrony::default();
         let local = |utc: i64| 7 * SECOND + utc + utc * 3 / 100_000;

@@ -27,16 +27,22 @@
 //! *Limits.* [`Schedule::draw`] leaves out what nothing on the board can tell, by
 //! [its rules](Schedule::is_tellable); [`Schedule::draw_untellable`] draws that alone.
 
+mod belief;
 mod calm;
 mod draw;
 mod fault;
 mod messages;
+mod pieces;
 mod plan;
+mod polls;
+mod queue;
+mod sizes;
+mod tellable;
 mod wire;
 
 pub use calm::Calm;
-pub use draw::LASTS_S;
 pub use fault::{
     Fault, FaultKind, LEAP_COUNT, PulseWord, QErrNonsense, RestartLie, RestartPulse, TimTpLie,
 };
+pub use pieces::LASTS_S;
 pub use plan::{FieldReceiver, Schedule};

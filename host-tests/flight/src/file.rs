@@ -16,19 +16,15 @@
 //! 1125428.395,ls,2,18,0,-2422924,0
 //! ```
 //!
-//! *Limits.* From [`EARLIEST`] to [`LATEST`], decimals beyond a ps are rounded.
+//! *Limits.* Times from 60 s before the start to eleven days and a half, decimals beyond a ps are rounded.
 
 use std::fmt;
-use std::str::FromStr;
 
+use crate::columns::{Columns, parse_hex, parse_micros, parse_width, wrong};
+use crate::error::{Error, Problem};
 use crate::{
     Crystal, Event, EventKind, Header, Knot, LeapStep, PulseName, PulseShape, Window, WorldPicos,
 };
-
-/// No event is earlier than 60 s before the flight's start: the board is on by then.
-pub const EARLIEST: WorldPicos = WorldPicos::from_millis(-60_000);
-/// No event is later than eleven days and a half.
-pub const LATEST: WorldPicos = WorldPicos::from_millis(1_000_000_000);
 
 /// No crystal is further off than 1 %, in ppm.
 const MOST_PPM: f64 = 10_000.0;
@@ -41,70 +37,6 @@ pub struct Flight {
     /// What the board saw, in the order of its time.
     pub events: Vec<Event>,
 }
-
-/// What is wrong with a file, and where.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Error {
-    /// The line, counted from 1.
-    pub line: usize,
-    /// What is wrong.
-    pub problem: Problem,
-}
-
-/// What can be wrong with a line.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Problem {
-    /// A value that is not one.
-    Value {
-        /// Which column, or which part of the header's line.
-        column: &'static str,
-        /// What stands there.
-        found: String,
-        /// What may stand there.
-        allowed: &'static str,
-    },
-    /// The line ends before this column.
-    Missing {
-        /// Which.
-        column: &'static str,
-        /// What may stand there.
-        allowed: &'static str,
-    },
-    /// More stands behind the last column.
-    TooMany {
-        /// What.
-        found: String,
-    },
-    /// Knots of the crystal have to be in the order of their time.
-    Unordered,
-    /// `ppm` and `crystal` in one file, or `ppm` twice.
-    TwoCrystals,
-}
-
-impl fmt::Display for Error {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "line {}: ", self.line)?;
-        match &self.problem {
-            Problem::Value {
-                column,
-                found,
-                allowed,
-            } => write!(f, "{column} is `{found}`, allowed is {allowed}"),
-            Problem::Missing { column, allowed } => {
-                write!(f, "{column} is missing, allowed is {allowed}")
-            }
-            Problem::TooMany { found } => write!(f, "`{found}` stands behind the last column"),
-            Problem::Unordered => {
-                f.write_str("this crystal line is earlier than the one before; allowed is order")
-            }
-            Problem::TwoCrystals => {
-                f.write_str("a second crystal; allowed is one ppm line, or crystal lines alone")
-            }
-        }
-    }
-}
-
-impl std::error::Error for Error {}
 
 impl Flight {
     /// Whether a file's content looks like a flight, good or bad: its first line with
@@ -209,145 +141,8 @@ impl fmt::Display for Flight {
     }
 }
 
-/// The columns of a line that are still to be read.
-struct Columns<'a> {
-    rest: Option<&'a str>,
-    separator: char,
-}
-
-impl<'a> Columns<'a> {
-    /// The next one, without blanks around it; none where the line has ended or
-    /// nothing stands.
-    fn next(&mut self) -> Option<&'a str> {
-        let rest = self.rest?;
-        let rest = if self.separator == ' ' {
-            rest.trim_start()
-        } else {
-            rest
-        };
-        let (column, rest) = match rest.split_once(self.separator) {
-            Some((column, rest)) => (column, Some(rest)),
-            None => (rest, None),
-        };
-        self.rest = rest;
-        Some(column.trim()).filter(|column| !column.is_empty())
-    }
-
-    /// The next one, which has to be there.
-    fn text(&mut self, column: &'static str, allowed: &'static str) -> Result<&'a str, Problem> {
-        self.next().ok_or(Problem::Missing { column, allowed })
-    }
-
-    /// The next one as what `read` makes of it.
-    fn value<T>(
-        &mut self,
-        column: &'static str,
-        allowed: &'static str,
-        read: impl FnOnce(&str) -> Option<T>,
-    ) -> Result<T, Problem> {
-        let found = self.text(column, allowed)?;
-        read(found).ok_or_else(|| wrong(column, found, allowed))
-    }
-
-    /// A number of any type that has its own limits.
-    fn number<T: FromStr>(
-        &mut self,
-        column: &'static str,
-        allowed: &'static str,
-    ) -> Result<T, Problem> {
-        self.value(column, allowed, |found| found.parse().ok())
-    }
-
-    /// A decimal number within limits.
-    fn decimal(
-        &mut self,
-        column: &'static str,
-        allowed: &'static str,
-        most: f64,
-    ) -> Result<f64, Problem> {
-        let within = |number: &f64| number.abs() <= most;
-        self.value(column, allowed, |found| found.parse().ok().filter(within))
-    }
-
-    fn time(&mut self) -> Result<WorldPicos, Problem> {
-        let allowed = "a decimal number of us, from -6e7 to 1e12";
-        self.value("the time", allowed, parse_micros)
-    }
-
-    /// The last column of a message; rounded up, for it bounds something.
-    fn busy_us(&mut self) -> Result<Option<u64>, Problem> {
-        let Some(found) = self.next() else {
-            return Ok(None);
-        };
-        let ps = parse_micros(found).filter(|time| time.0 >= 0);
-        match ps {
-            Some(time) => Ok(Some(time.0.unsigned_abs().div_ceil(1_000_000))),
-            None => Err(wrong("busy_us", found, "a number of us, 0 to 1e12")),
-        }
-    }
-
-    fn end(mut self) -> Result<(), Problem> {
-        while self.rest.is_some() {
-            if let Some(found) = self.next() {
-                let found = found.to_owned();
-                return Err(Problem::TooMany { found });
-            }
-        }
-        Ok(())
-    }
-}
-
-fn wrong(column: &'static str, found: &str, allowed: &'static str) -> Problem {
-    // A line of noise can be long.
-    let found = found.chars().take(40).collect();
-    Problem::Value {
-        column,
-        found,
-        allowed,
-    }
-}
-
-/// A decimal number of µs between [`EARLIEST`] and [`LATEST`], exactly.
-fn parse_micros(text: &str) -> Option<WorldPicos> {
-    let (is_negative, digits) = match text.strip_prefix('-') {
-        Some(digits) => (true, digits),
-        None => (false, text.strip_prefix('+').unwrap_or(text)),
-    };
-    let (whole, part) = digits.split_once('.').unwrap_or((digits, ""));
-    if whole.is_empty() && part.is_empty() {
-        return None;
-    }
-    let all_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
-    if !all_digits(whole) || !all_digits(part) {
-        return None;
-    }
-    let us: i64 = if whole.is_empty() {
-        0
-    } else {
-        whole.parse().ok()?
-    };
-    let mut ps: i64 = 0;
-    for place in 0..6 {
-        let digit = part.as_bytes().get(place).map_or(0, |byte| byte - b'0');
-        ps = ps * 10 + i64::from(digit);
-    }
-    let rounds_up = part.as_bytes().get(6).is_some_and(|byte| *byte >= b'5');
-    let ps = us
-        .checked_mul(1_000_000)?
-        .checked_add(ps + i64::from(rounds_up))?;
-    let at = WorldPicos(if is_negative { -ps } else { ps });
-    (EARLIEST..=LATEST).contains(&at).then_some(at)
-}
-
-fn parse_hex(text: &str) -> Option<u8> {
-    u8::from_str_radix(text.trim_start_matches("0x"), 16).ok()
-}
-
 fn read_event(line: &str) -> Result<Event, Problem> {
-    let mut columns = Columns {
-        rest: Some(line),
-        separator: ',',
-    };
+    let mut columns = Columns::of(line, ',');
     let at = columns.time()?;
     let allowed = "mark, mark60, pulse, fall, tp or ls";
     let kind = match columns.text("the event", allowed)? {
@@ -421,10 +216,7 @@ struct HeaderLines {
 impl HeaderLines {
     /// Reads a line, without its `#`.
     fn read(&mut self, line: &str) -> Result<(), Problem> {
-        let mut columns = Columns {
-            rest: Some(line),
-            separator: ' ',
-        };
+        let mut columns = Columns::of(line, ' ');
         let seconds = "a decimal number of s, within 1e9";
         let ppm = "a decimal number of ppm, within 10000";
         match columns.next().unwrap_or_default() {
@@ -500,21 +292,6 @@ impl HeaderLines {
         };
         self.header
     }
-}
-
-/// A width of the pulse, in ns.
-fn parse_width(text: &str) -> Option<u32> {
-    let unit_at = text.find(char::is_alphabetic)?;
-    let (number, unit) = text.split_at(unit_at);
-    let ns = match unit {
-        "s" => 1e9,
-        "ms" => 1e6,
-        "us" => 1e3,
-        "ns" => 1.0,
-        _ => return None,
-    };
-    let width_ns = (number.parse::<f64>().ok()? * ns).round();
-    (0.0..=1e9).contains(&width_ns).then_some(width_ns as u32)
 }
 
 #[cfg(test)]

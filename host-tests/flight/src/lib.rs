@@ -15,8 +15,10 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod columns;
 mod crystal;
 pub mod demands;
+mod error;
 mod file;
 mod header;
 pub mod integrity;
@@ -27,7 +29,8 @@ mod replayed;
 mod scheduled;
 
 pub use crystal::{Crystal, Knot};
-pub use file::{Error, Flight, Problem};
+pub use error::{Error, Problem};
+pub use file::Flight;
 pub use header::{Header, LeapStep, PulseShape, Window};
 pub use reading::{READ_EVERY, Reading, UNSET};
 pub use replayed::{Point, Replayed, replay};

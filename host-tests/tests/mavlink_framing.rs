@@ -118,7 +118,7 @@ fn any_is_inside_another(stream: &[u8]) -> bool {
     })
 }
 
-/// What the framer finds; the stamps are the offsets, so that a frame's stamp says
+/// What the framer finds; the stamps are the offsets, so that a frame's stamp is
 /// where its first byte was.
 fn framed(stream: &[u8]) -> Vec<Found> {
     let mut framer = Framer::<Requests>::new();

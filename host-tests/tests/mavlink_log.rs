@@ -12,7 +12,7 @@ mod mavlink_frames;
 mod mavlink_line;
 
 use mavlink_frames::Frame;
-use mavlink_line::{GROUND, ask, feed, heard};
+use mavlink_line::{GROUND, ask, feed, parsed};
 use mavlink_node::client::{Client, Message};
 use mavlink_node::{
     Address, Command, Config, LogFile, Node, NodeTime, Parameter, Parameters, Refusal, RequestKind,
@@ -31,7 +31,7 @@ const US: Address = Address {
 /// MAV_CMD_USER_1.
 const USER_1: u16 = 31_010;
 
-/// A log of so many bytes, and parameters whose value is their index and a half.
+/// A log of these bytes, and parameters whose value is their index and a half.
 struct Vault(Vec<u8>);
 
 impl Vault {
@@ -79,19 +79,20 @@ fn command(long: bool, v2: bool, number: u16, param1: f32) -> Frame {
     Frame { payload, ..frame }
 }
 
-/// Everything that the node has to send, understood.
+/// Every message that the node has to send.
 fn polled(node: &mut Node, vault: &Vault) -> Vec<Message> {
     let frames = std::iter::from_fn(|| node.poll(vault));
-    let said = frames.map(|frame| heard(&frame).expect("a frame that a client understands"));
+    let messages = frames.map(|frame| parsed(&frame).expect("a frame that a client understands"));
     // More than any log here takes.
-    let said: Vec<_> = said.take(5_000).collect();
+    let messages: Vec<_> = messages.take(5_000).collect();
     assert!(!node.has_more());
-    said
+    messages
 }
 
-/// The stretches of a log among `said`: where each begins, and its bytes.
-fn stretches(said: &[Message]) -> Vec<(u32, Vec<u8>)> {
-    said.iter()
+/// The stretches of a log among `messages`: where each begins, and its bytes.
+fn stretches(messages: &[Message]) -> Vec<(u32, Vec<u8>)> {
+    messages
+        .iter()
         .map(|what| match what {
             Message::LogData {
                 id: 1,
@@ -159,7 +160,7 @@ fn the_clients_commands_are_obeyed() {
                 RequestKind::Command(Command { number, meaning })
             );
             assert_eq!(
-                heard(&node.answer(&request, TIME)),
+                parsed(&node.answer(&request, TIME)),
                 Some(Message::CommandAck {
                     command: USER_1,
                     result: Message::ACCEPTED
@@ -190,7 +191,7 @@ fn targeted() -> Vec<(u32, u8, Vec<u8>, usize)> {
     ]
 }
 
-/// Whether a kind is heard in MAVLink 1, too.
+/// Whether a kind is received in MAVLink 1, too.
 fn in_v1(id: u32) -> bool {
     ![20, 23].contains(&id)
 }
@@ -217,9 +218,9 @@ fn what_names_others_is_left_alone() {
             for target in [[1, 1], [1, 0]] {
                 feed(&mut node, 0, &to(target));
             }
-            let heard = node.counters().parameters + node.counters().logs;
+            let received = node.counters().parameters + node.counters().logs;
             let expected = if v2 || in_v1(id) { 2 } else { 0 };
-            assert_eq!(heard, expected, "{id}");
+            assert_eq!(received, expected, "{id}");
         }
     }
 }
@@ -236,10 +237,10 @@ fn a_damaged_request_starts_nothing() {
             note(&mut node, &damaged);
         }
         assert!(!node.has_more(), "{id}");
-        // And the good one after all that is heard.
+        // The good one after all that is received.
         feed(&mut node, 0, &bytes);
-        let heard = node.counters().parameters + node.counters().logs;
-        assert_eq!(heard, 1, "{id}");
+        let received = node.counters().parameters + node.counters().logs;
+        assert_eq!(received, 1, "{id}");
     }
 }
 
@@ -277,13 +278,13 @@ fn parameters_are_listed_in_both_versions() {
 }
 
 #[test]
-fn the_client_hears_all_parameters_by_their_names() {
+fn the_client_receives_all_parameters_by_their_names() {
     for version in [Version::V1, Version::V2] {
         let mut node = node();
         note(&mut node, &Client::new(GROUND, version).parameters(US));
-        let said = polled(&mut node, &Vault::of(0));
-        assert_eq!(said.len(), Parameter::ALL.len());
-        for (what, parameter) in said.iter().zip(Parameter::ALL) {
+        let messages = polled(&mut node, &Vault::of(0));
+        assert_eq!(messages.len(), Parameter::ALL.len());
+        for (what, parameter) in messages.iter().zip(Parameter::ALL) {
             let Message::Parameter {
                 name,
                 value,
@@ -301,8 +302,8 @@ fn the_client_hears_all_parameters_by_their_names() {
     }
 }
 
-/// The only parameter that is told.
-fn told(node: &mut Node) -> Option<Parameter> {
+/// The only parameter that is sent.
+fn only_parameter(node: &mut Node) -> Option<Parameter> {
     match polled(node, &Vault::of(0))[..] {
         [] => None,
         [Message::Parameter { name, .. }] => Parameter::named(name),
@@ -316,7 +317,7 @@ fn one_parameter_is_read_by_name_or_by_index() {
     let mut node = node();
     for parameter in Parameter::ALL {
         note(&mut node, &client.parameter(US, parameter));
-        assert_eq!(told(&mut node), Some(parameter));
+        assert_eq!(only_parameter(&mut node), Some(parameter));
 
         let read = |index: i16, name: &str| {
             let mut payload = index.to_le_bytes().to_vec();
@@ -327,7 +328,7 @@ fn one_parameter_is_read_by_name_or_by_index() {
         };
         // With an index, the name does not count.
         note(&mut node, &read(parameter.index() as i16, "PC_NONE"));
-        assert_eq!(told(&mut node), Some(parameter));
+        assert_eq!(only_parameter(&mut node), Some(parameter));
         for (index, name) in [
             (6, ""),
             (i16::MAX, "PC_VARIANT"),
@@ -337,7 +338,7 @@ fn one_parameter_is_read_by_name_or_by_index() {
         ] {
             let before = node.counters().unknown;
             note(&mut node, &read(index, name));
-            assert_eq!(told(&mut node), None);
+            assert_eq!(only_parameter(&mut node), None);
             assert_eq!(node.counters().unknown, before + 1);
         }
     }
@@ -393,7 +394,7 @@ fn the_log_is_listed() {
         };
         assert_eq!(*entry, expected.bytes());
         assert_eq!(
-            heard(&entry),
+            parsed(&entry),
             Some(Message::LogEntry {
                 id: 1,
                 logs: 1,
@@ -421,11 +422,7 @@ fn the_whole_log_comes_in_pieces_of_90_bytes() {
                 assert_eq!(*piece, (90 * nth, bytes.to_vec()));
             }
             if len == 0 {
-                assert_eq!(
-                    pieces,
-                    [(0, vec![])],
-                    "an empty piece says that it is empty"
-                );
+                assert_eq!(pieces, [(0, vec![])], "an empty piece");
             }
         }
     }
@@ -460,7 +457,7 @@ fn a_new_request_takes_the_place_of_the_one_before() {
     note(&mut node, &client.log_data(US, 0, u32::MAX));
     for nth in 0..5_u32 {
         let frame = node.poll(&vault).expect("a piece");
-        assert_eq!(stretches(&[heard(&frame).unwrap()])[0].0, 90 * nth);
+        assert_eq!(stretches(&[parsed(&frame).unwrap()])[0].0, 90 * nth);
     }
     note(&mut node, &client.log_data(US, 90, 100));
     let pieces = stretches(&polled(&mut node, &vault));
@@ -487,7 +484,7 @@ fn a_transfer_ends_when_that_is_asked_for() {
     let request = ask(&mut node, &client.erase_log(US));
     assert_eq!(request.kind, RequestKind::EraseLog);
     assert!(!node.has_more());
-    match heard(&node.answer(&request, TIME)) {
+    match parsed(&node.answer(&request, TIME)) {
         Some(Message::StatusText { severity: 5, text }) => assert_eq!(text.as_str(), "log erased"),
         other => panic!("{other:?}"),
     }
@@ -531,10 +528,10 @@ fn parameters_come_before_the_log() {
     assert!(node.poll(&vault).is_some());
     note(&mut node, &client.parameter(US, Parameter::LogLen));
     let next = node.poll(&vault).expect("a frame");
-    assert!(matches!(heard(&next), Some(Message::Parameter { .. })));
+    assert!(matches!(parsed(&next), Some(Message::Parameter { .. })));
     let next = node.poll(&vault).expect("a frame");
     assert!(matches!(
-        heard(&next),
+        parsed(&next),
         Some(Message::LogData { offset: 90, .. })
     ));
 }
@@ -584,7 +581,7 @@ fn anything() -> impl Strategy<Value = Vec<u8>> {
 }
 
 proptest! {
-    /// A line that loses frames: whoever asks again for what is missing has it all.
+    /// A line that loses frames: a client that asks again for what is missing has it all in the end.
     #[test]
     fn a_log_with_gaps_is_completed(
         len in 1..5_000_usize,
@@ -629,16 +626,16 @@ proptest! {
         let vault = Vault::of(len);
         for bytes in asked {
             for request in feed(&mut node, 0, &bytes) {
-                prop_assert!(heard(&node.answer(&request, TIME)).is_some());
+                prop_assert!(parsed(&node.answer(&request, TIME)).is_some());
             }
             if let Some(frame) = node.poll(&vault) {
-                prop_assert!(heard(&frame).is_some());
+                prop_assert!(parsed(&frame).is_some());
             }
         }
         // The noise may end in the beginning of a frame.
         feed(&mut node, 0, &[0; 64]);
         let request = ask(&mut node, &Frame::ping(true, 7, 0).bytes());
-        let is_ping = matches!(heard(&node.answer(&request, TIME)), Some(Message::Ping { seq: 7, .. }));
+        let is_ping = matches!(parsed(&node.answer(&request, TIME)), Some(Message::Ping { seq: 7, .. }));
         prop_assert!(is_ping);
         polled(&mut node, &vault);
     }

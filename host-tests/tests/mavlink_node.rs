@@ -1,6 +1,6 @@
-//! What a node answers, whom, with which time, and what it leaves alone.
+//! Which requests a node answers, with which time, and which it ignores.
 //!
-//! *Purpose.* The rules of PING, TIMESYNC, commands and of what is told unasked,
+//! *Purpose.* The rules of PING, TIMESYNC, commands and of broadcasts,
 //! on frames of other people's software.
 //!
 //! *Design.* Requests are built without the crate; answers are compared with
@@ -12,7 +12,7 @@ mod mavlink_frames;
 mod mavlink_line;
 
 use mavlink_frames::{Frame, SIGNED};
-use mavlink_line::{BYTE, GROUND, ask, feed, heard};
+use mavlink_line::{BYTE, GROUND, ask, feed, parsed};
 use mavlink_node::client::{Client, Message};
 use mavlink_node::{
     Command, Config, Fix, Node, NodeTime, PingReply, Refusal, RequestKind, Severity, Version,
@@ -184,7 +184,7 @@ fn ping_echoes_where_that_is_wanted() {
     let request = ask(&mut node, &Frame::ping(true, 5, 0).bytes());
     let answer = node.answer(&request, TIME);
     assert_eq!(
-        heard(&answer),
+        parsed(&answer),
         Some(Message::Ping {
             time_usec: 2,
             seq: 5,
@@ -227,7 +227,7 @@ fn timesync_keeps_ts1_and_tells_our_time() {
                 ),
             ] {
                 let answer = node.answer(&request, time);
-                assert_eq!(heard(&answer), Some(Message::TimeSync { tc1, ts1 }));
+                assert_eq!(parsed(&answer), Some(Message::TimeSync { tc1, ts1 }));
             }
             let Frame { payload, .. } = Frame::timesync(v2, TIME.utc_ns.unwrap(), ts1, [255, 190]);
             let answer = node.answer(&request, TIME);
@@ -265,7 +265,7 @@ fn timesync_of_and_for_others_is_left_alone() {
 
 #[test]
 fn commands_to_us_are_refused_whatever_their_number() {
-    // REQUEST_MESSAGE, REQUEST_AUTOPILOT_CAPABILITIES, and numbers nobody knows.
+    // REQUEST_MESSAGE, REQUEST_AUTOPILOT_CAPABILITIES, and numbers that are not assigned.
     for number in [512, 520, 0, 6, 49_999, u16::MAX] {
         for frame in [
             Frame::command_long(false, number, OURS),
@@ -301,7 +301,7 @@ fn commands_to_us_are_refused_whatever_their_number() {
 }
 
 #[test]
-fn commands_to_others_and_to_everybody_are_left_alone() {
+fn commands_to_others_and_to_all_are_ignored() {
     let mut node = node();
     for target in [[2, 1], [1, 2], [0, 0], [0, 1]] {
         for frame in [
@@ -354,19 +354,19 @@ fn broadcasts_follow_the_version_that_is_spoken() {
     assert_eq!(
         node.heartbeat(UNSET)[0],
         0xfe,
-        "MAVLink 1 as long as nothing else is heard"
+        "MAVLink 1 as long as nothing else is received"
     );
     ask(&mut node, &Frame::ping(true, 1, 0).bytes());
     ask(&mut node, &Frame::ping(false, 1, 0).bytes());
     assert_eq!(
         node.heartbeat(UNSET)[0],
         0xfd,
-        "MAVLink 2 once it was heard"
+        "MAVLink 2 once it was received"
     );
 }
 
 #[test]
-fn what_is_told_unasked() {
+fn broadcasts_are_right_to_the_byte() {
     for v2 in [false, true] {
         let mut node = node();
         if v2 {
@@ -431,9 +431,9 @@ fn what_is_told_unasked() {
 }
 
 #[test]
-fn a_fix_is_told_as_its_receiver_claims_it() {
+fn a_fix_is_sent_as_its_receiver_claims_it() {
     let mut node = node();
-    let mut told = |fix: Option<Fix>| match heard(&node.gps_raw_int(TIME, fix.as_ref())) {
+    let mut sent = |fix: Option<Fix>| match parsed(&node.gps_raw_int(TIME, fix.as_ref())) {
         Some(Message::Fix { fix_type }) => fix_type,
         other => panic!("{other:?}"),
     };
@@ -445,10 +445,10 @@ fn a_fix_is_told_as_its_receiver_claims_it() {
                 fix_ok,
                 ..Fix::default()
             };
-            assert_eq!(told(Some(fix)), expected, "{fix:?}");
+            assert_eq!(sent(Some(fix)), expected, "{fix:?}");
         }
     }
-    assert_eq!(told(None), 0, "no receiver");
+    assert_eq!(sent(None), 0, "no receiver");
     // Speeds and headings that the message cannot hold are unknown.
     for (ground_speed_mm_s, heading_1e5_deg) in [(-20, -2_000), (i32::MAX, i32::MAX)] {
         let fix = Fix {
@@ -479,17 +479,17 @@ proptest! {
         let time = NodeTime { boot_us, utc_ns };
         let us = utc_ns.map_or(boot_us, |ns| (ns / 1_000) as u64);
         prop_assert_eq!(
-            heard(&node.answer(&request, time)),
+            parsed(&node.answer(&request, time)),
             Some(Message::Ping { time_usec: us, seq, target: GROUND })
         );
         prop_assert_eq!(
-            heard(&node.system_time(time)),
+            parsed(&node.system_time(time)),
             Some(Message::SystemTime {
                 time_unix_usec: utc_ns.map_or(0, |ns| (ns / 1_000) as u64),
                 time_boot_ms: (boot_us / 1_000) as u32,
             })
         );
-        prop_assert_eq!(heard(&node.heartbeat(time)), Some(Message::Heartbeat));
+        prop_assert_eq!(parsed(&node.heartbeat(time)), Some(Message::Heartbeat));
     }
 
     #[test]

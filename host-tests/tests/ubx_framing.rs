@@ -83,7 +83,7 @@ proptest! {
         let mut counters = Vec::new();
         for cuts in [&cuts[..], &small, &[1]] {
             let mut link = Link::new();
-            prop_assert_eq!(&ubx_line::hear(&mut link, &bytes, cuts), &expected);
+            prop_assert_eq!(&ubx_line::receive(&mut link, &bytes, cuts), &expected);
             counters.push(link.counters());
         }
         prop_assert_eq!(counters[0], counters[1]);
@@ -92,12 +92,12 @@ proptest! {
     }
 }
 
-/// Hears `bad` and then a NAV-PVT, right behind it: the counters, once the NAV-PVT
+/// Receives `bad` and then a NAV-PVT, right behind it: the counters, once the NAV-PVT
 /// has come out unharmed.
 fn harmless(bad: &[u8]) -> LinkCounters {
     let bytes = [bad, &nav_pvt(1)].concat();
     let mut link = Link::new();
-    let events = ubx_line::hear(&mut link, &bytes, &[13]);
+    let events = ubx_line::receive(&mut link, &bytes, &[13]);
     assert_eq!(events, ubx_line::expected(&bytes));
     let last = events.last().expect("the NAV-PVT comes out");
     let Event::NavPvt { mark, .. } = last else {
@@ -187,7 +187,7 @@ fn a_forecast_is_late_by_what_the_receiver_will_have_added() {
         let mut payload = ubx::tim_tp_payload(1_795_348_800_000_000_000, late_ps);
         payload[14] = flags;
         let bytes = [nav_pvt(0), ubx::frame(0x0d, 0x01, &payload)].concat();
-        let events = ubx_line::hear(&mut Link::new(), &bytes, &[7]);
+        let events = ubx_line::receive(&mut Link::new(), &bytes, &[7]);
         let [Event::NavPvt { .. }, Event::TimTp(forecast)] = events[..] else {
             panic!("{events:?}")
         };
@@ -198,7 +198,7 @@ fn a_forecast_is_late_by_what_the_receiver_will_have_added() {
     let mut payload = [0; 16];
     payload[8..12].copy_from_slice(&i32::MIN.to_le_bytes());
     let bytes = ubx::frame(0x0d, 0x01, &payload);
-    let events = ubx_line::hear(&mut Link::new(), &bytes, &[24]);
+    let events = ubx_line::receive(&mut Link::new(), &bytes, &[24]);
     assert_eq!(events, ubx_line::expected(&bytes));
     assert_eq!(events.len(), 1);
 }
@@ -209,7 +209,7 @@ fn a_forecast_that_says_nothing_is_no_event() {
     payload[14] |= 0x10;
     let mut link = Link::new();
     let bytes = ubx::frame(0x0d, 0x01, &payload);
-    assert_eq!(ubx_line::hear(&mut link, &bytes, &[24]), []);
+    assert_eq!(ubx_line::receive(&mut link, &bytes, &[24]), []);
     let counters = link.counters();
     assert_eq!((counters.tim_tps, counters.refused), (0, 1));
 }

@@ -50,7 +50,7 @@ fn every_intact_frame_comes_out() {
         // The cutting of a 1 ms poll at 115200, of a byte at a time, of bursts.
         for cuts in [&[11, 12][..], &[1], &[999, 3, 47]] {
             let mut link = Link::new();
-            let events = ubx_line::hear(&mut link, &bytes, cuts);
+            let events = ubx_line::receive(&mut link, &bytes, cuts);
             assert_eq!(events, ubx_line::expected(&bytes), "{file}");
             let counters = link.counters();
             assert_eq!(
@@ -60,7 +60,7 @@ fn every_intact_frame_comes_out() {
             );
             let total = ubx_line::accounted(&counters);
             assert_eq!(total, bytes.len() as u32, "{file}");
-            // One receiver sends TIM-TP, and says in each that it knows no qErr.
+            // One receiver sends TIM-TP, with a flag in each that its qErr has no value.
             let unknown = if file == COLD_START { 38 } else { 0 };
             assert_eq!((counters.tim_tps, counters.refused), (0, unknown), "{file}");
         }
@@ -73,7 +73,7 @@ fn a_cold_start_is_told_as_it_was() {
         return;
     };
     let bytes = std::fs::read(folder.join(COLD_START)).expect(COLD_START);
-    let events = ubx_line::hear(&mut Link::new(), &bytes, &[64]);
+    let events = ubx_line::receive(&mut Link::new(), &bytes, &[64]);
     let resolved: Vec<bool> = events
         .iter()
         .map(|event| match event {
@@ -86,7 +86,7 @@ fn a_cold_start_is_told_as_it_was() {
         let Event::NavPvt { mark, fix } = event else {
             panic!("only NAV-PVT stands in it")
         };
-        // A 3D fix, and a time that nobody should believe.
+        // A 3D fix, and a time that must not be believed.
         assert_eq!((fix.fix_type, mark.t_acc_ns), (3, u32::MAX));
         assert!(mark.validity.date && mark.validity.time);
         assert!(!mark.validity.leap_seconds_known);

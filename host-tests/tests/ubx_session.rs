@@ -89,13 +89,13 @@ impl Board {
             }
             while let Some(burst) = talker.poll(self.now) {
                 if burst.baud == self.baud {
-                    self.hear(&burst);
+                    self.receive(&burst);
                 }
             }
         }
     }
 
-    fn hear(&mut self, burst: &world::Transmission) {
+    fn receive(&mut self, burst: &world::Transmission) {
         // The burst is over before anything else happens: nothing here depends on
         // the order within it.
         let end = cycles(burst.end());
@@ -232,16 +232,16 @@ fn forecasts_come_as_long_as_they_are_wanted() {
     let counters = board.session.counters();
     assert_eq!((counters.rounds, counters.accepted), (1, 8));
 
-    // A receiver that restarts is told again.
+    // A receiver that restarts is configured again.
     let mut restarted = Receiver::new(factory(9_600));
     board.run(&mut restarted, WorldNanos(60 * SECOND));
     assert_eq!(restarted.port(), with_forecasts);
 }
 
-/// Nobody at the far end.
-struct Nobody;
+/// A line without a receiver.
+struct NoReceiver;
 
-impl Talker for Nobody {
+impl Talker for NoReceiver {
     fn next_event(&self) -> Option<WorldNanos> {
         None
     }
@@ -260,7 +260,7 @@ impl Talker for Nobody {
 #[test]
 fn an_hour_without_a_receiver_is_rounds_with_silence_between() {
     let mut board = Board::new();
-    board.run(&mut Nobody, WorldNanos(3_600 * SECOND));
+    board.run(&mut NoReceiver, WorldNanos(3_600 * SECOND));
     let counters = board.session.counters();
     // A round is five attempts of 0.50 s and their bytes, then 3 s.
     assert!(
@@ -328,7 +328,7 @@ fn a_refusal_is_counted_and_the_session_goes_on() {
         assert_eq!(session.poll(now), None);
         match seen.last() {
             Some(&(class, id)) if id != 0 => {
-                // Somebody else's answer is not ours.
+                // An answer to another setting is ignored.
                 session.handle_event(now, &Event::Nak { class, id: 0x3e });
                 assert_eq!(session.poll(now), None);
                 session.handle_event(now, &Event::Nak { class, id });

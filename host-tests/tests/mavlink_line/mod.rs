@@ -1,4 +1,4 @@
-//! A node at the end of a line at 115200, and what is said on it.
+//! A node on a line at 115200 baud, and the messages on it.
 
 #![allow(
     dead_code,
@@ -10,7 +10,7 @@ use mavlink_node::client::{Client, Message};
 use mavlink_node::{Address, Node, Request, Version};
 use timebase::{Cycles, Stamp, StampedByte};
 
-/// Who asks.
+/// The client.
 pub const GROUND: Address = Address {
     system: 255,
     component: 190,
@@ -38,12 +38,12 @@ pub fn ask(node: &mut Node, bytes: &[u8]) -> Request {
     requests[0]
 }
 
-/// What the client makes of a node's frame.
-pub fn heard(frame: &[u8]) -> Option<Message> {
+/// The message in a node's frame.
+pub fn parsed(frame: &[u8]) -> Option<Message> {
     let mut client = Client::new(GROUND, Version::V2);
     let stamp = Stamp(0);
-    let mut heard = frame
+    let mut received = frame
         .iter()
         .filter_map(|&byte| client.push(StampedByte { stamp, byte }));
-    heard.next().map(|heard| heard.message)
+    received.next().map(|received| received.message)
 }

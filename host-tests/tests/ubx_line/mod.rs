@@ -1,10 +1,10 @@
 //! What the tests of the receiver's line share: bytes with stamps, and the judge.
 //!
-//! *Purpose.* To say what must come out of a stretch of line, with no code of
+//! *Purpose.* What must come out of a stretch of line, found without code of
 //! `ubx-link`'s: the brute force of `world::ubx` and fields read by their offsets.
 //!
 //! *Design.* Byte `n` is stamped as 115200 baud would have it. So a time mark's
-//! arrival tells at which byte its frame began.
+//! arrival is the byte at which its frame began.
 //!
 //! *Limits.* Of a NAV-PVT all that `ubx-link` hands on is compared, nothing else.
 #![allow(dead_code, reason = "each test file uses its own part of it")]
@@ -42,14 +42,14 @@ pub fn drain(link: &mut Link, now: Cycles, bytes: &[StampedByte]) -> Vec<Event> 
         let then = more.map_or(now, |byte| byte.stamp.extend(now));
         events.extend(core::iter::from_fn(|| link.poll(then)));
     }
-    // An idle line says something, too.
+    // An idle line makes events, too.
     events.extend(core::iter::from_fn(|| link.poll(now)));
     events
 }
 
-/// Lets `link` hear `bytes` in pieces of the lengths `cuts`, over and over, and
+/// Gives `link` the `bytes` in pieces of the lengths `cuts`, over and over, and
 /// then an idle line.
-pub fn hear(link: &mut Link, bytes: &[u8], cuts: &[usize]) -> Vec<Event> {
+pub fn receive(link: &mut Link, bytes: &[u8], cuts: &[usize]) -> Vec<Event> {
     let line = stamped(bytes);
     let mut events = Vec::new();
     let mut rest = &line[..];
@@ -78,7 +78,7 @@ pub fn ours(class: u8, id: u8, length: usize) -> bool {
     )
 }
 
-/// What must come out of `bytes` when they are heard from boot on.
+/// What must come out of `bytes` when they arrive from boot on.
 pub fn expected(bytes: &[u8]) -> Vec<Event> {
     ubx::find_frames(bytes, ours)
         .iter()
@@ -91,7 +91,7 @@ pub fn expected(bytes: &[u8]) -> Vec<Event> {
 pub fn accounted(counters: &LinkCounters) -> u32 {
     let good =
         counters.nav_pvts * 100 + counters.tim_tps * 24 + (counters.acks + counters.naks) * 10;
-    // Only a TIM-TP can say of itself that it says nothing.
+    // Only a TIM-TP has a flag that it has no value.
     good + counters.refused * 24 + counters.foreign_bytes
 }
 

@@ -1,19 +1,19 @@
-//! What a card has to do: blocks, in and out.
+//! The card, as the user of this crate provides it.
 
 use core::fmt;
 
 /// Bytes of a block.
 pub const BLOCK: usize = 512;
 
-/// Why a disk did not give or take a block.
+/// Why a block could not be read or written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum DiskError {
-    /// It does not answer any more, or is another one.
+    /// The card does not answer any more, or is another one.
     Gone,
-    /// It may not be written.
+    /// The card is write-protected.
     WriteProtected,
-    /// It has no such block.
+    /// The card has no such block.
     Beyond,
     /// Anything else.
     Failed,
@@ -25,17 +25,17 @@ pub trait Disk {
     ///
     /// # Errors
     ///
-    /// Why it cannot be had.
+    /// Why it could not be read.
     fn read(&mut self, number: u32, block: &mut [u8; BLOCK]) -> Result<(), DiskError>;
 
-    /// Writes a block; it stays when this returns.
+    /// Writes a block, which has to be on the card when this returns.
     ///
     /// # Errors
     ///
-    /// Why it was not taken.
+    /// Why it could not be written.
     fn write(&mut self, number: u32, block: &[u8; BLOCK]) -> Result<(), DiskError>;
 
-    /// How many it has.
+    /// The number of blocks.
     fn blocks(&self) -> u32;
 }
 

@@ -1,14 +1,20 @@
-//! A new file in the root of a memory card.
+//! A new file in the root of a memory card that may fail or be pulled at any moment.
 //!
-//! *Purpose.* [`save`] writes `TESTnnnn.CSV`, with the next free number: nothing is ever written over.
-//! What comes of it is a number or a small reason.
+//! *Purpose.* The log of a test goes to the card as `TESTnnnn.CSV`, with the next free number: no
+//! file is ever overwritten. The names that matter:
 //!
-//! *Design.* `volume` looks before anything is written; `medium` guards what is; the file system is
-//! `embedded-sdmmc`'s. The card is a [`Disk`], so that all of this is compiled once, for size, and
-//! tried on a host against images that are damaged and cards that fail at any block.
+//! - [`Disk`], the card: blocks of 512 bytes, which the user of this crate reads and writes;
+//! - [`save`], which writes the file and returns the number in its name;
+//! - [`NotSaved`], the reason if it could not.
 //!
-//! *Limits.* A card that goes while it is written has an empty file of that name, and blocks that a
-//! check of its file system gives back. A directory that is damaged already may lose files.
+//! *Design.* `volume.rs` checks the card before anything is written, `medium.rs` guards each access,
+//! and the file system is `embedded-sdmmc`'s. The card is a trait object, so that all of this is
+//! compiled once, for size. On a host it is tested with damaged images and with cards that
+//! fail at any block.
+//!
+//! *Limits.* A card that is pulled while it is written keeps an empty file of that name, and lost
+//! blocks that a check of its file system frees. A directory that was damaged before may lose
+//! files.
 //!
 //! ```
 //! use card_file::{BLOCK, Disk, DiskError, NotSaved, save};
@@ -78,12 +84,14 @@ pub use self::not_saved::NotSaved;
 use self::medium::Medium;
 use self::volume::Volume;
 
-/// Writes a new file of `len` bytes; the number in its name. `read` gives the file's bytes from an
-/// offset on, as many as there is room for; `written` is the file's time, in UTC.
+/// Writes a new file of `len` bytes, and returns the number in its name.
+///
+/// `read` fills a block with the file's bytes from an offset on, and returns how many; `written` is
+/// the file's time, in UTC.
 ///
 /// # Errors
 ///
-/// Why there is no such file.
+/// Why there is no file.
 pub fn save(
     disk: &mut dyn Disk,
     len: u32,
@@ -97,7 +105,7 @@ pub fn save(
     let medium = Medium::new(disk, volume);
     let volumes = Volumes::new_with_limits(medium, Written(written), 0);
     let saved = write(&volumes, len, read);
-    // What stopped the disk says more than what the file system made of it.
+    // The failure of the disk is more exact than the file system's error that follows from it.
     match volumes.device(|medium| medium.failure()) {
         Some(failure) => Err(failure.into()),
         None => saved,
@@ -141,7 +149,7 @@ fn write(
     Ok(number)
 }
 
-/// The time of a file; the beginning of FAT's time where it is not known.
+/// The time of a file; if it is not known, the beginning of FAT's time.
 struct Written(Option<CivilTime>);
 
 impl TimeSource for Written {

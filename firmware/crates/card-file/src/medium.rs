@@ -1,9 +1,9 @@
-//! The disk as `embedded-sdmmc` sees it.
+//! The disk as `embedded-sdmmc` uses it.
 //!
-//! *Design.* Between the file system and the card stands what the library does not promise: a chain
-//! that goes round for ever ends with the number of blocks; nothing is written outside the volume;
-//! and the first failure stays, because the library takes a failure at some places for a full or
-//! an empty card, and would try to put things in order on a card that is gone.
+//! *Design.* Three guards against what the library does not exclude. The number of blocks is
+//! limited, because a damaged chain of clusters may have no end. Nothing is written outside of the
+//! volume. And every access after the first failure fails too, because at some places the library
+//! takes a failure for a full or an empty card, and would try to repair a card that is gone.
 
 use core::cell::{Cell, RefCell};
 use core::fmt;
@@ -13,8 +13,8 @@ use embedded_sdmmc::{Block, BlockCount, BlockDevice, BlockIdx};
 use crate::disk::{Disk, DiskError};
 use crate::volume::Volume;
 
-/// So many blocks may be read and written for one file: 16 times what 8 192 samples take with the
-/// smallest clusters.
+/// The most blocks that may be read and written for one file: 16 times what 8 192 samples need with
+/// the smallest clusters.
 const BLOCKS_MAX: u32 = 131_072;
 
 /// Why the file system was stopped.
@@ -22,7 +22,7 @@ const BLOCKS_MAX: u32 = 131_072;
 pub(crate) enum Failure {
     /// The disk failed.
     Disk(DiskError),
-    /// It went round in circles, or out of its volume.
+    /// The file system needed too many blocks, or one outside of its volume.
     Damaged,
 }
 
@@ -37,7 +37,7 @@ impl fmt::Display for Failure {
 
 impl core::error::Error for Failure {}
 
-/// A disk with a volume, for one file.
+/// A disk with a volume, while one file is written.
 pub(crate) struct Medium<'a> {
     disk: RefCell<&'a mut dyn Disk>,
     volume: Volume,
@@ -56,12 +56,12 @@ impl<'a> Medium<'a> {
         }
     }
 
-    /// What stopped it, if something did.
+    /// The first failure, if there was one.
     pub(crate) fn failure(&self) -> Option<Failure> {
         self.failure.get()
     }
 
-    /// Moves a block, unless something has failed before.
+    /// Reads or writes a block, unless something has failed before.
     fn act(
         &self,
         is_allowed: bool,

@@ -12,15 +12,15 @@ use crate::volume::NoVolume;
 pub enum NotSaved {
     /// There is no FAT16 or FAT32 volume in the first partition, or a damaged one.
     NotFat,
-    /// The card may not be written.
+    /// The card is write-protected.
     WriteProtected,
-    /// It has no room, or no number, for the file.
+    /// The card has no room for the file, or every number has been used.
     Full,
-    /// It is gone, or another one has been put in.
+    /// The card is gone, or another one has been put in.
     Gone,
-    /// It fails.
+    /// The card fails.
     Failed,
-    /// The contents came to an early end.
+    /// `read` gave fewer bytes than announced.
     Short,
 }
 

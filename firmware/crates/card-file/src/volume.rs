@@ -1,16 +1,16 @@
-//! The FAT volume on a card, as far as it has to be known before anything is written to it.
+//! The FAT volume on a card: what has to be known of it before anything is written.
 //!
-//! *Purpose.* [`Volume::on`] says whether there is one that can be trusted, [`Volume::has_room`]
-//! whether a file fits, before [`embedded_sdmmc`] takes over.
+//! *Purpose.* [`Volume::on`] checks that there is one that can be trusted, [`Volume::has_room`] that
+//! the file fits, before [`embedded_sdmmc`] begins.
 //!
-//! *Design.* `embedded-sdmmc` 0.10 believes what a card says about itself. It divides by the
-//! cluster's size, so a 0 there would be a panic; and looking for a free cluster it goes on behind
-//! the last one of the volume, up to the end of the table's last block. What is refused here cannot
-//! do harm there: sizes are looked into, and room for the whole file is found before the first byte,
-//! so that the search ends within the volume.
+//! *Design.* `embedded-sdmmc` 0.10 does not check the sizes on a card. It divides by the size of a
+//! cluster, so a 0 there would be a panic. Its search for a free cluster goes on behind the last
+//! cluster of the volume, up to the end of the table's last block. Both are excluded here: sizes are
+//! checked, and room for the whole file is found before the first byte, so that the search ends
+//! within the volume.
 //!
-//! *Limits.* The first partition of a master boot record, as cards are sold and as every camera
-//! formats them; no FAT12, no exFAT. Directories and chains are not looked into.
+//! *Limits.* The first partition of a master boot record, as cards are sold and as cameras format
+//! them; no FAT12, no exFAT. Directories and chains are not checked.
 
 use crate::bytes::{byte, half, word};
 use crate::disk::{BLOCK, Disk, DiskError};
@@ -39,7 +39,7 @@ pub(crate) struct Volume {
     clusters: u32,
     blocks_per_cluster: u32,
     has_32_bits: bool,
-    /// FAT32's block of hints.
+    /// The block of FAT32 that has the hint where the next free cluster may be.
     hints: Option<u32>,
 }
 
@@ -105,8 +105,8 @@ impl Volume {
         })
     }
 
-    /// Whether a file of `bytes` fits, with a directory that may grow by a cluster and one cluster to
-    /// spare, at which the search for the next one ends.
+    /// Whether a file of `bytes` fits, together with two clusters more: one by which the directory may
+    /// grow, and one at which the search for a next cluster ends.
     ///
     /// # Errors
     ///
@@ -140,8 +140,8 @@ impl Volume {
         block >= self.first && block - self.first < self.blocks
     }
 
-    /// Takes out of a block, as it was read, where the next free cluster may be: from the first one
-    /// on the search cannot come to the volume's end before it has found one.
+    /// Removes the hint from a block that was read. Without it the search begins at the first cluster,
+    /// so that it finds a free one before the end of the volume.
     pub(crate) fn without_hint(&self, number: u32, block: &mut [u8; BLOCK]) {
         if self.hints == Some(number)
             && let Some(hint) = block.get_mut(492..496)
@@ -155,7 +155,7 @@ const fn entries_per_block(has_32_bits: bool) -> u32 {
     BLOCK as u32 / if has_32_bits { 4 } else { 2 }
 }
 
-/// Whether a boot record ends as one.
+/// Whether a block ends as a boot record does.
 fn is_signed(block: &[u8; BLOCK]) -> bool {
     half(block, 510) == 0xAA55
 }

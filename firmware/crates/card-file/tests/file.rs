@@ -6,7 +6,7 @@ use fat_image::{FIRST, Kind};
 use proptest::prelude::*;
 use timebase::CivilTime;
 
-/// A card in memory that goes after so many blocks.
+/// A card in memory that is gone after a number of blocks.
 struct RamDisk {
     image: Vec<u8>,
     blocks_left: u64,
@@ -143,7 +143,7 @@ fn a_card_that_fails_at_any_block_says_so_and_keeps_its_other_files() {
             (DiskError::WriteProtected, NotSaved::WriteProtected),
         ];
         let mut disk = RamDisk::new(image);
-        for (blocks, (error, told)) in (0..).zip(errors.into_iter().cycle()) {
+        for (blocks, (error, reason)) in (0..).zip(errors.into_iter().cycle()) {
             disk.blocks_left = blocks;
             disk.error = error;
             let saved = save_on(&mut disk, 5_000);
@@ -151,7 +151,7 @@ fn a_card_that_fails_at_any_block_says_so_and_keeps_its_other_files() {
                 assert!(blocks > 20, "{blocks}");
                 break;
             }
-            assert_eq!(saved, Err(told), "after {blocks} blocks");
+            assert_eq!(saved, Err(reason), "after {blocks} blocks");
             let files = fat_image::files(&disk.image);
             assert_eq!(files.get("other.bin"), before.get("other.bin"));
         }

@@ -1,4 +1,4 @@
-//! Where the receiver says that it is.
+//! The position of the receiver.
 //!
 //! The receiver's line has it from a NAV-PVT and MAVLink passes it on; the clock does not use it.
 //! It is here because those two crates do not depend on each other.

@@ -33,7 +33,7 @@ pub struct PulseMark {
 pub struct PulseForecast {
     /// When the first byte of the message had arrived: before the pulse.
     pub arrival: Cycles,
-    /// By how much the pulse will come after the second that it stands for,
+    /// By how much the pulse will come after its second,
     /// because the receiver can only make it at an edge of its own clock; in ps.
     pub late_ps: i32,
 }

@@ -55,7 +55,7 @@ impl Choices {
     }
 }
 
-/// How the second interrupt stands to the tick.
+/// The priority of the second interrupt, compared with the tick's.
 #[derive(Clone, Copy, PartialEq)]
 enum Second {
     /// The tick preempts it, as with the firmware's priorities.

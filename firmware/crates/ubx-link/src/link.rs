@@ -68,7 +68,7 @@ pub struct LinkCounters {
 pub struct Link {
     window: Window,
     sums: Sums,
-    /// The frame whose header stands at the front of the window.
+    /// The frame whose header is at the front of the window.
     candidate: Option<Kind>,
     /// The number of bytes that have to be held before the next decision.
     wanted: usize,

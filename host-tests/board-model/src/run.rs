@@ -22,17 +22,21 @@ pub struct Run {
     events: Peekable<Box<dyn Iterator<Item = Event>>>,
 }
 
-impl Run {
-    pub(crate) fn new(scenario: &Scenario) -> Self {
-        Self {
-            board: Board::of(scenario),
+impl Scenario {
+    /// A run of it from the start, read each 37 ms; a violation is a panic.
+    #[must_use]
+    pub fn start(&self) -> Run {
+        Run {
+            board: Board::of(self),
             marks: Vec::new(),
             pulses: Vec::new(),
-            floor_ns: scenario.floor_ns(),
-            events: event::events(scenario).peekable(),
+            floor_ns: self.floor_ns(),
+            events: event::events(self).peekable(),
         }
     }
+}
 
+impl Run {
     /// Runs on until `world_ns`.
     pub fn until(&mut self, world_ns: i64) {
         while self.next_until(world_ns).is_some() {}

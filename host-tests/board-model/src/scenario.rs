@@ -5,7 +5,6 @@ use std::ops::Range;
 use utc_clock::Settings;
 use world::{CrystalSettings, Latency, Port, ReceiverSettings};
 
-use crate::Run;
 use crate::time::{BYTE_NS, START};
 
 /// What a board is, and what happens to it.
@@ -65,11 +64,5 @@ impl Scenario {
     #[must_use]
     pub const fn floor_ns(&self) -> i64 {
         self.receiver.latency.least_ns.cast_signed() + BYTE_NS
-    }
-
-    /// A run of it from the start, read each 37 ms; a violation is a panic.
-    #[must_use]
-    pub fn start(&self) -> Run {
-        Run::new(self)
     }
 }

@@ -1,34 +1,35 @@
 //! The receiver's solutions: when each is ready, and what it claims to be.
 //!
 //! *Purpose.* One source of time marks for [`Receiver`](crate::Receiver), which
-//! says them in bytes, and for [`Arrivals`], which says only when they arrive: a
-//! day of them in a fraction of a second.
+//! sends them as bytes, and for [`Arrivals`], which gives only their times: a day
+//! of them in a fraction of a second.
 //!
 //! *Design.* Epochs stand on the grid of UTC that the rate gives, each moved to
-//! the nearest 1 kHz tick of the receiver's own crystal, as its `nano` then tells.
+//! the nearest 1 kHz tick of the receiver's own crystal, as its `nano` then shows.
 //! A stall holds back what becomes ready in it; after the backlog its last epoch
-//! comes once more, as a real Pixhawk's log shows it. A fault of its time moves what
-//! is told and nothing else.
+//! comes once more, as a real Pixhawk's log shows it. A fault of its time moves the
+//! reported epochs and nothing else.
 //!
-//! *Limits.* A faulty receiver's epochs keep to the grid of true UTC: what it tells
+//! *Limits.* A faulty receiver's epochs keep to the grid of true UTC: what it reports
 //! is off the grid by its error. No leap second happens in this world.
 
+use crate::faults::{Stall, TimeFault, drifted_ns, time_error_ns};
 use crate::latency::LatencySource;
-use crate::settings::{ReceiverSettings, Stall, TimeFault, drifted_ns, time_error_ns};
+use crate::settings::ReceiverSettings;
 use crate::talker::{WorldNanos, line_ns};
 use crate::ubx;
 
-/// The tick on which solutions are computed, in ns.
+/// The tick on which solutions are computed. [ns]
 const SOLUTION_TICK_NS: i64 = 1_000_000;
 
 /// A solution that is on its way to the line.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Solution {
-    /// The epoch on the grid of UTC, in ns since 1970.
+    /// The epoch on the grid of UTC, since 1970. [ns]
     pub wanted_utc_ns: i64,
-    /// The epoch that it claims to be computed for, in ns since 1970.
-    pub told_utc_ns: i64,
-    /// By how much that is ahead of the truth, in ns.
+    /// The epoch that it claims to be computed for, since 1970. [ns]
+    pub reported_utc_ns: i64,
+    /// By how much that is ahead of the truth. [ns]
     pub error_ns: i64,
     /// When it may begin to leave.
     pub ready: WorldNanos,
@@ -62,7 +63,7 @@ impl Solver {
         }
     }
 
-    /// The floor of the latency at `at`, in ns.
+    /// The floor of the latency at `at`. [ns]
     pub(crate) fn floor_ns(&mut self, at: WorldNanos) -> u64 {
         self.latency.floor_ns(at)
     }
@@ -106,7 +107,7 @@ impl Solver {
         let error_ns = time_error_ns(&self.time_faults, epoch);
         Solution {
             wanted_utc_ns,
-            told_utc_ns: wanted_utc_ns + off_ns + error_ns,
+            reported_utc_ns: wanted_utc_ns + off_ns + error_ns,
             error_ns,
             ready,
             held_until,
@@ -117,7 +118,7 @@ impl Solver {
 /// A time mark without its bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arrival {
-    /// The epoch that its fields tell, in ns of UTC since 1970.
+    /// The epoch in its fields, UTC since 1970. [ns]
     pub epoch_utc_ns: i64,
     /// By how much that epoch is ahead of the true one, in ns: 0 unless the
     /// receiver has a [`TimeFault`].
@@ -128,11 +129,11 @@ pub struct Arrival {
     pub first_byte_end: WorldNanos,
 }
 
-/// The time marks of a receiver that says nothing but NAV-PVT, at every epoch and
+/// The time marks of a receiver that sends nothing but NAV-PVT, at every epoch and
 /// at the rate and speed of its port, from the world's start on and for ever.
 ///
 /// A [`Receiver`](crate::Receiver) of the same settings that needs no configuration
-/// says the same at the same moments; only in the backlog of a stall can TIM-TP
+/// sends the same at the same moments; only in the backlog of a stall can TIM-TP
 /// come between.
 #[derive(Clone, Debug)]
 pub struct Arrivals {
@@ -172,7 +173,7 @@ impl Iterator for Arrivals {
         let first_byte = solution.ready.max(self.line_free);
         self.line_free = first_byte.plus(line_ns(ubx::NAV_PVT_FRAME_LEN, self.baud));
         Some(Arrival {
-            epoch_utc_ns: solution.told_utc_ns,
+            epoch_utc_ns: solution.reported_utc_ns,
             error_ns: solution.error_ns,
             first_byte,
             first_byte_end: first_byte.plus(line_ns(1, self.baud)),
@@ -203,13 +204,13 @@ mod tests {
         WorldNanos(seconds * SECOND)
     }
 
-    /// The true latency of an arrival, in ns.
+    /// The true latency of an arrival. [ns]
     fn latency_ns(arrival: &Arrival) -> i64 {
         NOON_NS + arrival.first_byte.0 as i64 - (arrival.epoch_utc_ns - arrival.error_ns)
     }
 
     #[test]
-    fn a_receiver_says_the_same_at_the_same_moments() {
+    fn a_receiver_sends_the_same_at_the_same_moments() {
         let healthy = ReceiverSettings {
             seed: 7,
             time_faults: vec![TimeFault::jump(at(200), 1_000_000_000)],
@@ -223,9 +224,9 @@ mod tests {
             ..healthy.clone()
         };
         // TIM-TP leaves behind a NAV-PVT and delays none but in a backlog.
-        let mut telling = healthy;
-        telling.port.tim_tp_every = 1;
-        for settings in [stalling, telling] {
+        let mut forecasting = healthy;
+        forecasting.port.tim_tp_every = 1;
+        for settings in [stalling, forecasting] {
             let mut receiver = Receiver::new(settings.clone());
             while receiver.next_event().is_some_and(|event| event < at(300)) {
                 let now = receiver.next_event().unwrap();
@@ -275,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn time_jumps_and_runs_away_as_asked() {
+    fn time_jumps_and_drifts_as_set() {
         let mut settings = settings(Latency::m8());
         settings.time_faults = vec![
             TimeFault::jump(at(100), -18_000_000_000).until(at(200)),
@@ -286,7 +287,7 @@ mod tests {
             ..settings.clone()
         });
         for (is, was) in Arrivals::new(&settings).zip(honest).take(2_500) {
-            // Only what is told has changed, and by what it says.
+            // Only the reported epoch has changed, by the stated error.
             assert_eq!(is.first_byte, was.first_byte);
             assert_eq!(is.epoch_utc_ns, was.epoch_utc_ns + is.error_ns);
             assert_eq!(was.error_ns, 0);

@@ -105,7 +105,7 @@ mod tests {
     fn the_quantile_undoes_the_bell_curve() {
         for tenths in -80..=80 {
             let x = f64::from(tenths) / 10.0;
-            // Above 5 the share is too near to 1 to tell numbers apart.
+            // Above 5 the share is too near to 1 to distinguish numbers.
             if x <= 5.0 {
                 let again = normal_quantile(normal_cdf(x));
                 assert!((again - x).abs() < 1e-6 * (1.0 + x.abs()), "{x}: {again}");

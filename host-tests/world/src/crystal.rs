@@ -20,9 +20,9 @@ use fastrand::Rng;
 use crate::WorldNanos;
 use crate::chance::{Stream, even, normal, stream};
 
-/// The frequency that the counter has by its data sheet, in Hz.
+/// The frequency that the counter has by its data sheet. [Hz]
 pub const NOMINAL_HZ: u64 = 168_000_000;
-/// The grid on which the frequency changes, in ns.
+/// The grid on which the frequency changes. [ns]
 const STEP_NS: u64 = 100_000_000;
 const STEP_S: f64 = 0.1;
 /// How many steps can be looked back.
@@ -46,7 +46,7 @@ pub enum Ramp {
     Switching {
         /// The first direction and how fast, in ppb a minute.
         ppb_per_min: f64,
-        /// From turn to turn, in ns.
+        /// From turn to turn. [ns]
         every_ns: u64,
     },
     /// Back and forth; from turn to turn it takes between half and one and a half
@@ -54,7 +54,7 @@ pub enum Ramp {
     Random {
         /// How fast, in ppb a minute.
         ppb_per_min: f64,
-        /// From turn to turn on average, in ns.
+        /// From turn to turn on average. [ns]
         every_ns: u64,
     },
 }
@@ -87,17 +87,17 @@ impl Ramp {
 /// What a [`Crystal`] is like.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CrystalSettings {
-    /// The frequency error that it starts with, in ppb; positive is fast.
+    /// The frequency error that it starts with; positive is fast. [ppb]
     pub offset_ppb: f64,
-    /// White frequency noise: its Allan deviation at 1 s, in ppb. At τ it is
-    /// smaller by √τ.
+    /// White frequency noise: its Allan deviation at 1 s. At τ it is
+    /// smaller by √τ. [ppb]
     pub white_ppb: f64,
     /// Random walk of the frequency: the standard deviation of what it does in a
-    /// second, in ppb/√s.
+    /// second. [ppb/√s]
     pub walk_ppb: f64,
     /// What the temperature does to it.
     pub ramp: Ramp,
-    /// The time constant with which the crystal follows the temperature, in ns.
+    /// The time constant with which the crystal follows the temperature. [ns]
     pub thermal_lag_ns: u64,
 }
 
@@ -131,7 +131,7 @@ impl CrystalSettings {
 struct Step {
     /// Cycles beyond the nominal ones at the step's begin.
     ahead_cycles: f64,
-    /// The frequency error throughout the step, in ppb.
+    /// The frequency error throughout the step. [ppb]
     ppb: f64,
 }
 
@@ -143,9 +143,9 @@ pub struct Crystal {
     steps: VecDeque<Step>,
     /// The number of the grid's step that stands first in `steps`.
     first_step: u64,
-    /// The random walk so far, in ppb.
+    /// The random walk so far. [ppb]
     walk_ppb: f64,
-    /// Where the temperature wants the frequency to be, and where it is, in ppb.
+    /// Where the temperature wants the frequency to be, and where it is. [ppb]
     warmth_ppb: f64,
     warmed_ppb: f64,
     /// The ramp's present direction and when it turns.
@@ -201,11 +201,11 @@ impl Crystal {
         (at.0 * MILLICYCLES_PER_NS).saturating_add_signed((ahead * 1e3) as i64) / 1_000
     }
 
-    /// The frequency error at `at`, in ppb; positive is fast.
+    /// The frequency error at `at`; positive is fast.
     ///
     /// # Panics
     ///
-    /// As [`Crystal::cycles_at`].
+    /// As [`Crystal::cycles_at`]. [ppb]
     #[must_use]
     pub fn frequency_ppb_at(&mut self, at: WorldNanos) -> f64 {
         self.step_at(at).ppb
@@ -302,7 +302,7 @@ mod tests {
         path
     }
 
-    /// The overlapping Allan deviation at `tau` seconds of phases in ns, in ppb.
+    /// The overlapping Allan deviation at `tau` seconds of phases in ns. [ppb]
     fn allan_ppb(phase_ns: &[f64], tau: usize) -> f64 {
         let squares = phase_ns
             .windows(2 * tau + 1)

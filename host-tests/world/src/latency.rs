@@ -1,6 +1,6 @@
 //! The way from an epoch to the first byte on the line.
 //!
-//! *Purpose.* The one source of lateness, for receivers that say bytes and for
+//! *Purpose.* The one source of lateness, for receivers that send bytes and for
 //! [`Arrivals`](crate::Arrivals) without any.
 //!
 //! *Design.* A least, a slow [`Wander`] of the floor above it, and an [`Excess`]
@@ -21,14 +21,14 @@ use crate::wander::{Wander, Wanderer};
 /// How long a solution takes from its epoch to the first byte on the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Latency {
-    /// The least there ever is, in ns.
+    /// The least there ever is. [ns]
     pub least_ns: u64,
     /// How the floor moves above the least.
     pub wander: Wander,
     /// What each epoch takes beyond the floor.
     pub excess: Excess,
-    /// The time constant with which the excess forgets, in ns; 0 draws it anew for
-    /// each epoch.
+    /// The time constant with which the excess forgets; 0 draws it anew for
+    /// each epoch. [ns]
     pub memory_ns: u64,
 }
 
@@ -132,12 +132,12 @@ impl LatencySource {
         }
     }
 
-    /// The floor at `at`: the least that an epoch at that moment can take, in ns.
+    /// The floor at `at`: the least that an epoch at that moment can take. [ns]
     pub(crate) fn floor_ns(&mut self, at: WorldNanos) -> u64 {
         self.latency.least_ns + self.wanderer.above_least_ns(at) as u64
     }
 
-    /// What the epoch at `at` takes, in ns.
+    /// What the epoch at `at` takes. [ns]
     pub(crate) fn draw_ns(&mut self, at: WorldNanos) -> u64 {
         let share = if self.latency.memory_ns == 0 {
             even(&mut self.rng)
@@ -159,7 +159,7 @@ mod tests {
 
     const SECOND: u64 = 1_000_000_000;
 
-    /// The latencies of `count` epochs at 5 Hz, in ns.
+    /// The latencies of `count` epochs at 5 Hz. [ns]
     fn draws(latency: Latency, seed: u64, count: u64) -> Vec<f64> {
         let mut source = LatencySource::new(latency, seed);
         (0..count)

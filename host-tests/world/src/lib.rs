@@ -1,5 +1,5 @@
-//! The simulated world around a board: what it hears, when, and the truth to
-//! judge its answers by.
+//! The simulated world around a board: what it receives, when, and the truth to
+//! judge its clock by.
 //!
 //! *Purpose.* A u-blox receiver ([`Receiver`]), the replay of a real one
 //! ([`Recording`]) and the damage that a line does ([`Line`]), for the virtual
@@ -7,7 +7,7 @@
 //! time marks without their bytes ([`Arrivals`]), its time pulse ([`Pulses`]) and a
 //! board's oscillator ([`Crystal`]).
 //!
-//! *Design.* Everything that talks over the receiver's line is a [`Talker`]: a
+//! *Design.* Everything that sends on the receiver's line is a [`Talker`]: a
 //! state machine without I/O and without a clock, stepped from event to event in
 //! [`WorldNanos`]. All chance comes from seeds, so that a run can be repeated to
 //! the byte. The frames are encoded here, by hand, and share no code with the
@@ -22,6 +22,7 @@ mod chance;
 mod crystal;
 mod event;
 mod excess;
+mod faults;
 mod latency;
 mod line;
 mod pulse;
@@ -38,11 +39,12 @@ pub use arrivals::{Arrival, Arrivals};
 pub use crystal::{Crystal, CrystalSettings, NOMINAL_HZ, Ramp};
 pub use event::{Event, EventKind, PulseName, WorldPicos};
 pub use excess::Excess;
+pub use faults::{PulseFault, PulseFaultKind, Stall, TimeFault};
 pub use latency::Latency;
 pub use line::{Damage, Damages, Line};
-pub use pulse::{Pulse, PulseFault, PulseFaultKind, PulseSettings, Pulses};
+pub use pulse::{Pulse, Pulses};
 pub use receiver::Receiver;
 pub use recording::{NoNavPvt, Recording};
-pub use settings::{Port, ReceiverSettings, Stall, TimeFault};
+pub use settings::{Port, PulseSettings, ReceiverSettings};
 pub use talker::{Sent, Talker, Transmission, WorldNanos};
 pub use wander::Wander;

@@ -6,9 +6,9 @@
 //! *Design.* A wrapper: the talker behind it knows nothing of it. Chance is
 //! seeded; what was done is counted.
 //!
-//! *Limits.* Only what the board hears is damaged. A burst stays one burst: the
+//! *Limits.* Only what the board receives is damaged. A burst stays one burst: the
 //! bytes after a lost or foreign one move up or back by its time on the line,
-//! and the next burst waits until they are through. [`Talker::truth`] tells what
+//! and the next burst waits until they are through. [`Talker::truth`] has what
 //! the talker sent, arrived or not.
 
 use core::ops::Range;
@@ -54,7 +54,7 @@ pub struct Line<T> {
 }
 
 impl<T: Talker> Line<T> {
-    /// `talker`, heard through `damage`.
+    /// `talker`, received through `damage`.
     #[must_use]
     pub fn new(talker: T, damage: Damage) -> Self {
         let rng = fastrand::Rng::with_seed(damage.seed);
@@ -145,21 +145,21 @@ mod tests {
     }
 
     /// All bursts of the first `seconds`.
-    fn hear(talker: &mut impl Talker, seconds: u64) -> Vec<Transmission> {
-        let mut heard = Vec::new();
+    fn receive(talker: &mut impl Talker, seconds: u64) -> Vec<Transmission> {
+        let mut received = Vec::new();
         while let Some(at) = talker.next_event()
             && at < WorldNanos(seconds * 1_000_000_000)
         {
-            heard.extend(talker.poll(at));
+            received.extend(talker.poll(at));
         }
-        heard
+        received
     }
 
     #[test]
     fn no_damage_changes_nothing() {
         let mut undamaged = line(Damage::default());
         let mut bare = undamaged.talker.clone();
-        assert_eq!(hear(&mut undamaged, 10), hear(&mut bare, 10));
+        assert_eq!(receive(&mut undamaged, 10), receive(&mut bare, 10));
         assert_eq!(undamaged.done(), Damages::default());
     }
 
@@ -173,7 +173,7 @@ mod tests {
             silence: None,
         };
         let mut damaged = line(damage.clone());
-        let heard = hear(&mut damaged, 200);
+        let received = receive(&mut damaged, 200);
         // 1000 frames of 100 bytes; five standard deviations to either side.
         let Damages {
             dropped,
@@ -184,10 +184,10 @@ mod tests {
         assert!(dropped.abs_diff(1_000) < 160, "{dropped}");
         assert!(flipped.abs_diff(2_000) < 225, "{flipped}");
         assert!(inserted.abs_diff(3_000) < 270, "{inserted}");
-        let bytes: usize = heard.iter().map(|sent| sent.bytes.len()).sum();
+        let bytes: usize = received.iter().map(|sent| sent.bytes.len()).sum();
         assert_eq!(bytes as u64, 100_000 - 100 + inserted - dropped);
-        assert!(heard.is_sorted_by(|one, next| one.end() <= next.start));
-        assert_eq!(hear(&mut line(damage), 200), heard);
+        assert!(received.is_sorted_by(|one, next| one.end() <= next.start));
+        assert_eq!(receive(&mut line(damage), 200), received);
     }
 
     #[test]
@@ -197,13 +197,13 @@ mod tests {
             silence: Some(second(2)..second(5)),
             ..Damage::default()
         });
-        let heard = hear(&mut silent, 10);
+        let received = receive(&mut silent, 10);
         assert!(
-            heard
+            received
                 .iter()
                 .all(|sent| sent.start < second(2) || sent.start >= second(5))
         );
         assert_eq!(silent.done().silenced, 15);
-        assert_eq!(heard.len() + 15, silent.truth().len());
+        assert_eq!(received.len() + 15, silent.truth().len());
     }
 }

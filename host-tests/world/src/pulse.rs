@@ -15,97 +15,11 @@ use fastrand::Rng;
 
 use crate::WorldNanos;
 use crate::chance::{Stream, stream};
+use crate::faults::PulseFaultKind;
 use crate::pulse_maker::PulseMaker;
-use crate::settings::ReceiverSettings;
+use crate::settings::{PulseSettings, ReceiverSettings};
 
 const NS_PER_S: i64 = 1_000_000_000;
-
-/// What the time pulse is like.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct PulseSettings {
-    /// How far its edges are off, root of the mean square, in ns.
-    pub rms_ns: u32,
-    /// How much of that square is slow, in percent.
-    pub correlated_percent: u8,
-    /// The time constant of the slow part, in ns.
-    pub correlation_ns: u64,
-    /// The clock at whose ticks edges can be made, in Hz; 0 for any time. Its
-    /// sawtooth is a part of `rms_ns`.
-    pub clock_hz: u32,
-    /// How long a pulse lasts, in ns.
-    pub width_ns: u64,
-    /// When the receiver begins to make pulses.
-    pub from: WorldNanos,
-    /// What goes wrong on the way.
-    pub faults: Vec<PulseFault>,
-}
-
-impl PulseSettings {
-    /// An M8's: 30 ns RMS on a clock of 48 MHz, which is ±10.4 ns of it, and 100 ms
-    /// wide, from the first second on. None of it is slow.
-    #[must_use]
-    pub const fn m8() -> Self {
-        Self {
-            rms_ns: 30,
-            correlated_percent: 0,
-            correlation_ns: 100_000_000_000,
-            clock_hz: 48_000_000,
-            width_ns: 100_000_000,
-            from: WorldNanos(0),
-            faults: Vec::new(),
-        }
-    }
-
-    /// An M8's of which half the square is slow, over 100 s.
-    #[must_use]
-    pub fn m8_correlated() -> Self {
-        Self {
-            correlated_percent: 50,
-            ..Self::m8()
-        }
-    }
-}
-
-/// Something that happens to the pulse for a while.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PulseFault {
-    /// The first second, in true time, that it befalls.
-    pub from: WorldNanos,
-    /// The first second that it spares; `WorldNanos(u64::MAX)` for ever.
-    pub until: WorldNanos,
-    /// What it is.
-    pub kind: PulseFaultKind,
-}
-
-/// What can happen to the pulse.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PulseFaultKind {
-    /// The wire is cut.
-    Cut,
-    /// By chance, one pulse in so many is lost; 0 and 1 are all of them.
-    Missing {
-        /// One in how many.
-        one_in: u32,
-    },
-    /// A second edge follows each.
-    Doubled {
-        /// How long after it, in ns; less than a second.
-        after_ns: u64,
-    },
-    /// Each edge is followed by others while a contact bounces.
-    Bouncing {
-        /// How many.
-        edges: u8,
-        /// Within how long after it, in ns; less than a second. They are spread by
-        /// chance.
-        within_ns: u64,
-    },
-    /// It comes at another phase of the second.
-    WrongPhase {
-        /// By how much it is late, in ns; within half a second to either side.
-        by_ns: i64,
-    },
-}
 
 /// An edge on the pulse's wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -117,8 +31,8 @@ pub struct Pulse {
     /// The second of UTC that it stands for, since 1970; `None` for an edge that
     /// stands for none: a bounce, a double, one at a wrong phase.
     pub utc_s: Option<i64>,
-    /// By how much the receiver's clock made it late, in ps, as TIM-TP tells
-    /// before it; negative if it is early.
+    /// By how much the receiver's clock made it late, in ps, as TIM-TP forecasts;
+    /// negative if it is early.
     pub late_ps: i32,
 }
 
@@ -242,6 +156,7 @@ impl Iterator for Pulses {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::faults::PulseFault;
 
     const NOON_NS: i64 = 1_795_348_800_000_000_000;
     const NOON_S: i64 = NOON_NS / NS_PER_S;

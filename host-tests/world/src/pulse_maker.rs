@@ -1,10 +1,10 @@
 //! The pulses as the receiver makes them, one a second.
 //!
-//! *Purpose.* When each comes, and what TIM-TP can say about it beforehand.
+//! *Purpose.* When each comes, and what TIM-TP can forecast of it.
 //!
 //! *Design.* The receiver can only make an edge at a tick of its own clock, which
-//! drifts through UTC: that part of the error is a sawtooth, and TIM-TP tells it.
-//! The rest is noise that nobody tells, some of it white, some of it slow.
+//! drifts through UTC: that part of the error is a sawtooth, which TIM-TP forecasts.
+//! The rest is noise without a forecast, some of it white, some of it slow.
 //!
 //! *Limits.* The noise is normal; the data sheet's (30 ns RMS, 60 ns at 99 %) has
 //! shorter tails. How much of it is slow is not published: none and half are the
@@ -14,7 +14,8 @@ use fastrand::Rng;
 
 use crate::WorldNanos;
 use crate::chance::{Stream, even, normal, stream};
-use crate::settings::{ReceiverSettings, TimeFault, drifted_ns, time_error_ns};
+use crate::faults::{TimeFault, drifted_ns, time_error_ns};
+use crate::settings::ReceiverSettings;
 
 const NS_PER_S: i64 = 1_000_000_000;
 const PS_PER_S: f64 = 1e12;
@@ -30,7 +31,7 @@ pub(crate) struct Made {
     pub utc_s: i64,
     /// When it rises; may lie before the world's start.
     pub edge_ns: i64,
-    /// The clock's part in its lateness, in ps.
+    /// The clock's part in its lateness. [ps]
     pub late_ps: i32,
 }
 
@@ -42,15 +43,15 @@ pub(crate) struct PulseMaker {
     time_faults: Vec<TimeFault>,
     next_s: i64,
     tick_ps: f64,
-    /// What the receiver's clock gains on UTC in a second, in ps.
+    /// What the receiver's clock gains on UTC in a second. [ps]
     gain_ps: f64,
     /// Where in a tick the second lies, from 0 to `tick_ps`.
     phase_ps: f64,
     white_ps: f64,
     slow_ps: f64,
-    /// The slow part keeps so much from second to second.
+    /// The share of the slow part that is kept from second to second.
     keeps: f64,
-    /// It stands at so many of its deviations.
+    /// Where the slow part stands, in its standard deviations.
     state: f64,
 }
 
@@ -131,7 +132,7 @@ mod tests {
         }
     }
 
-    /// How late a true pulse is, in ns.
+    /// How late a true pulse is. [ns]
     fn late_ns(pulse: &Pulse) -> f64 {
         (NOON_NS + pulse.edge.0 as i64 - pulse.utc_s.unwrap() * NS_PER_S) as f64
     }
@@ -155,16 +156,16 @@ mod tests {
         let late: Vec<f64> = pulses.iter().map(late_ns).collect();
         assert!((rms(late.iter().copied()) / 30.0 - 1.0).abs() < 0.02);
         // Even over a tick of 20.83 ns: 6.01 ns RMS, and never beyond ±10.42 ns.
-        let told: Vec<f64> = pulses.iter().map(|p| f64::from(p.late_ps) * 1e-3).collect();
-        assert!(told.iter().all(|ns| ns.abs() <= 10.417));
-        assert!((rms(told.iter().copied()) / 6.014 - 1.0).abs() < 0.02);
-        // What is told is in the error: without it, √(30² − 6.01²) = 29.39 ns are
+        let forecast: Vec<f64> = pulses.iter().map(|p| f64::from(p.late_ps) * 1e-3).collect();
+        assert!(forecast.iter().all(|ns| ns.abs() <= 10.417));
+        assert!((rms(forecast.iter().copied()) / 6.014 - 1.0).abs() < 0.02);
+        // The forecast is a part of the error: without it, √(30² − 6.01²) = 29.39 ns are
         // left, and with its sign turned more than before.
-        let apart = |sign: f64| rms(late.iter().zip(&told).map(|(l, t)| l - sign * t));
+        let apart = |sign: f64| rms(late.iter().zip(&forecast).map(|(l, t)| l - sign * t));
         assert!((apart(1.0) - 29.39).abs() < 0.3, "{}", apart(1.0));
         assert!(apart(-1.0) > 31.0);
         // The rest is white.
-        let rest: Vec<f64> = late.iter().zip(&told).map(|(l, t)| l - t).collect();
+        let rest: Vec<f64> = late.iter().zip(&forecast).map(|(l, t)| l - t).collect();
         assert!(autocorrelation(&rest, 1).abs() < 0.02);
     }
 

@@ -1,12 +1,12 @@
-//! A simulated u-blox M8: time marks with their latency, and obedience.
+//! A simulated u-blox M8: time marks with their latency, and its configuration.
 //!
 //! *Purpose.* The far end of the GPS line in `sim`, in `qemu` and in tests: it is
-//! configured like a real one and says the time like a real one.
+//! configured like a real one and sends the time like a real one.
 //!
 //! *Design.* Its solutions are those of [`Arrivals`](crate::Arrivals), drawn one
 //! ahead, so that [`Talker::next_event`] is a look at a field. Answers to
 //! configuration wait in a queue; one line carries both. TIM-TP leaves behind the
-//! first solution after each pulse and tells of the next one in
+//! first solution after each pulse and forecasts the next one in
 //! [`Pulses`](crate::Pulses).
 //!
 //! *Limits.* It understands CFG-PRT, CFG-MSG, CFG-RATE, CFG-NAV5 and CFG-TP5;
@@ -25,8 +25,8 @@ use crate::ubx::{self, Claims};
 /// From the last byte of a configuration frame to its answer, in ns: a receiver
 /// looks at its port between other things.
 const ANSWER_NS: u64 = 5_000_000;
-/// The largest configuration frame that is listened for, in bytes.
-const HEARD_MAX: usize = 256;
+/// The largest configuration frame that is understood. [bytes]
+const RECEIVED_MAX: usize = 256;
 /// The shortest navigation period that is accepted, in ms (M8: 18 Hz).
 const PERIOD_MIN_MS: u16 = 55;
 const NS_PER_S: i64 = 1_000_000_000;
@@ -50,10 +50,10 @@ pub struct Receiver {
     pulses: PulseMaker,
     /// Epochs so far, for messages that leave at every n-th one.
     epochs: u64,
-    /// Pulses told of so far, for TIM-TP that leaves at every n-th one.
+    /// Pulses that were forecast so far, for TIM-TP that leaves at every n-th one.
     forecasts: u64,
     answers: VecDeque<Answer>,
-    heard: Vec<u8>,
+    received: Vec<u8>,
     line_free: WorldNanos,
     truth: Vec<Sent>,
 }
@@ -74,7 +74,7 @@ impl Receiver {
             epochs: 0,
             forecasts: 0,
             answers: VecDeque::new(),
-            heard: Vec::new(),
+            received: Vec::new(),
             line_free: WorldNanos(0),
             truth: Vec::new(),
             settings,
@@ -87,7 +87,7 @@ impl Receiver {
         self.port
     }
 
-    /// True UTC at `at`, in ns since 1970.
+    /// True UTC at `at`, since 1970. [ns]
     #[must_use]
     pub const fn utc_ns(&self, at: WorldNanos) -> i64 {
         self.settings.utc_at_start_ns + at.0.cast_signed()
@@ -119,10 +119,10 @@ impl Receiver {
     }
 
     /// The burst of the solution that is due, and the next one drawn.
-    fn say_solution(&mut self, start: WorldNanos) -> Option<Transmission> {
+    fn send_solution(&mut self, start: WorldNanos) -> Option<Transmission> {
         let Solution {
             wanted_utc_ns,
-            told_utc_ns: epoch_utc_ns,
+            reported_utc_ns: epoch_utc_ns,
             error_ns,
             ..
         } = self.solution;
@@ -151,10 +151,10 @@ impl Receiver {
     }
 
     /// TIM-TP for the first pulse after it, behind `bytes` others that begin to
-    /// leave at `start`; nothing if that pulse has been told of, or never comes.
+    /// leave at `start`; nothing if that pulse was forecast before, or never comes.
     fn forecast(&mut self, start: WorldNanos, bytes: usize, error_ns: i64) -> Vec<u8> {
-        let told = start.plus(line_ns(bytes + ubx::TIM_TP_FRAME_LEN, self.port.baud));
-        let utc_s = self.utc_ns(told).div_euclid(NS_PER_S) + 1;
+        let end = start.plus(line_ns(bytes + ubx::TIM_TP_FRAME_LEN, self.port.baud));
+        let utc_s = self.utc_ns(end).div_euclid(NS_PER_S) + 1;
         let made = match self.pulses.make_for(utc_s) {
             Some(made) if utc_s * NS_PER_S >= self.utc_ns(self.settings.pulse.from) => made,
             _ => return Vec::new(),
@@ -171,8 +171,8 @@ impl Receiver {
         ubx::frame(class, id, &ubx::tim_tp_payload(pulse_utc_ns, made.late_ps))
     }
 
-    /// Obeys or refuses one frame.
-    fn obey(&mut self, now: WorldNanos, class: u8, id: u8, payload: &[u8]) {
+    /// Accepts or refuses one frame.
+    fn configure(&mut self, now: WorldNanos, class: u8, id: u8, payload: &[u8]) {
         if class != 0x06 || payload.is_empty() {
             return;
         }
@@ -249,7 +249,7 @@ impl Talker for Receiver {
             .pop_front_if(|answer| answer.ready <= self.solution.ready);
         let transmission = match answer {
             Some(Answer { baud, bytes, .. }) => Some(Transmission { start, bytes, baud }),
-            None => self.say_solution(start),
+            None => self.send_solution(start),
         }?;
         self.line_free = transmission.end();
         Some(transmission)
@@ -257,17 +257,17 @@ impl Talker for Receiver {
 
     fn handle_bytes(&mut self, now: WorldNanos, baud: u32, bytes: &[u8]) {
         if baud != self.port.baud {
-            self.heard.clear();
+            self.received.clear();
             return;
         }
-        self.heard.extend(bytes);
-        let heard = core::mem::take(&mut self.heard);
-        let mut done = heard.len().saturating_sub(HEARD_MAX);
-        for frame in ubx::find_frames(&heard, |_, _, _| true) {
-            self.obey(now, frame.class, frame.id, frame.payload);
+        self.received.extend(bytes);
+        let received = core::mem::take(&mut self.received);
+        let mut done = received.len().saturating_sub(RECEIVED_MAX);
+        for frame in ubx::find_frames(&received, |_, _, _| true) {
+            self.configure(now, frame.class, frame.id, frame.payload);
             done = done.max(frame.end());
         }
-        self.heard = heard[done..].to_vec();
+        self.received = received[done..].to_vec();
     }
 
     fn truth(&self) -> &[Sent] {
@@ -347,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn obeys_at_its_own_speed_only() {
+    fn it_is_configured_at_its_own_speed_only() {
         let mut receiver = Receiver::new(ReceiverSettings::new(NOON_NS));
         let port = ubx::frame(6, 0, &PORT_115200_UBX);
         receiver.handle_bytes(WorldNanos(0), 115_200, &port);
@@ -407,11 +407,11 @@ mod tests {
     }
 
     #[test]
-    fn tim_tp_tells_of_each_pulse_before_it_comes() {
+    fn tim_tp_forecasts_each_pulse_before_it_comes() {
         let mut receiver = Receiver::new(configured(Latency::m8()));
         receiver.handle_bytes(WorldNanos(0), 115_200, &ubx::frame(6, 1, &[0x0d, 1, 1]));
         let pulses: Vec<Pulse> = Pulses::new(&configured(Latency::m8())).take(60).collect();
-        let mut told = 0;
+        let mut forecasts = 0;
         for sent in run(&mut receiver, WorldNanos(50 * SECOND)) {
             for frame in ubx::find_frames(&sent.bytes, |class, id, _| (class, id) == ubx::TIM_TP) {
                 let field = |at: usize| <[u8; 4]>::try_from(&frame.payload[at..at + 4]).unwrap();
@@ -420,14 +420,14 @@ mod tests {
                 let pulse = pulses
                     .iter()
                     .find(|p| p.utc_s == Some(NOON_NS / NS_PER_S + i64::from(tow_ms / 1_000)));
-                let pulse = pulse.expect("a pulse as told");
+                let pulse = pulse.expect("a pulse as forecast");
                 assert_eq!(i32::from_le_bytes(field(8)), -pulse.late_ps);
                 assert!(sent.end() < pulse.edge && pulse.edge.0 - sent.end().0 < SECOND);
-                told += 1;
+                forecasts += 1;
             }
         }
-        // The first is told of at 0.2 s, one more each second.
-        assert_eq!(told, 50);
+        // The first is forecast at 0.2 s, one more each second.
+        assert_eq!(forecasts, 50);
         // And the pulse may begin later.
         let mut settings = configured(Latency::m8());
         settings.port.tim_tp_every = 1;
@@ -444,7 +444,7 @@ mod tests {
             port: Port::CONFIGURED,
             ..ReceiverSettings::new(NOON_NS)
         };
-        let say = |seed| {
+        let send = |seed| {
             run(
                 &mut Receiver::new(ReceiverSettings {
                     seed,
@@ -453,7 +453,7 @@ mod tests {
                 WorldNanos(9 * SECOND),
             )
         };
-        assert_eq!(say(1), say(1));
-        assert_ne!(say(1), say(2));
+        assert_eq!(send(1), send(1));
+        assert_ne!(send(1), send(2));
     }
 }

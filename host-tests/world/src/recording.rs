@@ -1,4 +1,4 @@
-//! The replay of a recording: what a real receiver once said.
+//! The replay of a recording: what a real receiver once sent.
 //!
 //! *Purpose.* Real bytes on the simulated line, with times that stand to reason.
 //!
@@ -8,7 +8,7 @@
 //!
 //! *Limits.* A step of the time of week that is longer than a minute, as in a
 //! cold start or at a seam of the file, counts as one second. What follows the
-//! last whole NAV-PVT is not sent. It hears nothing.
+//! last whole NAV-PVT is not sent. It ignores what it receives.
 
 use std::collections::VecDeque;
 

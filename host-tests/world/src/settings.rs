@@ -1,107 +1,15 @@
 //! What a simulated receiver is like.
 //!
-//! *Purpose.* Everything about a receiver that a test chooses, and what goes wrong
-//! with it and when.
+//! *Purpose.* Everything about a receiver and its time pulse that a test chooses.
 //!
 //! *Design.* Plain fields; [`ReceiverSettings::new`] gives a receiver as it comes
 //! out of its box, warm, with the latency of one that was measured. The same
 //! settings drive [`Receiver`](crate::Receiver), [`Arrivals`](crate::Arrivals) and
 //! [`Pulses`](crate::Pulses), so that they are of one world.
-//!
-//! *Limits.* What goes wrong does so at given moments, never by chance.
 
 use crate::WorldNanos;
+use crate::faults::{PulseFault, Stall, TimeFault};
 use crate::latency::Latency;
-use crate::pulse::PulseSettings;
-
-/// A time without a word, after which everything comes at once: what became ready
-/// meanwhile leaves back to back, and the last epoch of it once more.
-///
-/// A Pixhawk 1's log has one of 1.56 s at 5 Hz.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Stall {
-    /// When it begins.
-    pub from: WorldNanos,
-    /// How long it lasts, in ns.
-    pub lasts_ns: u64,
-}
-
-impl Stall {
-    pub(crate) fn end(&self) -> WorldNanos {
-        self.from.plus(self.lasts_ns)
-    }
-
-    /// Whether what is ready at `at` has to wait.
-    pub(crate) fn holds(&self, at: WorldNanos) -> bool {
-        (self.from..self.end()).contains(&at)
-    }
-}
-
-/// A receiver whose time is wrong for a while, as after a glitch of its leap second
-/// or when its signals are forged.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TimeFault {
-    /// The first moment at which it is wrong.
-    pub from: WorldNanos,
-    /// The first moment at which it is right again; `WorldNanos(u64::MAX)` for one
-    /// that stays wrong.
-    pub until: WorldNanos,
-    /// By how much its time jumps ahead at `from`, in ns; may be negative.
-    pub jump_ns: i64,
-    /// How fast it runs away after that, in ppb; positive runs ahead.
-    pub drift_ppb: i32,
-}
-
-impl TimeFault {
-    /// A jump by `jump_ns` for ever after `from`.
-    #[must_use]
-    pub const fn jump(from: WorldNanos, jump_ns: i64) -> Self {
-        Self {
-            from,
-            until: WorldNanos(u64::MAX),
-            jump_ns,
-            drift_ppb: 0,
-        }
-    }
-
-    /// Runs away by `drift_ppb` for ever after `from`.
-    #[must_use]
-    pub const fn drift(from: WorldNanos, drift_ppb: i32) -> Self {
-        Self {
-            from,
-            until: WorldNanos(u64::MAX),
-            jump_ns: 0,
-            drift_ppb,
-        }
-    }
-
-    /// The same, right again from `until` on.
-    #[must_use]
-    pub const fn until(self, until: WorldNanos) -> Self {
-        Self { until, ..self }
-    }
-
-    /// By how much its time is ahead at `at`, in ns.
-    pub(crate) fn error_ns(&self, at: WorldNanos) -> i64 {
-        if (self.from..self.until).contains(&at) {
-            let since_ns = (at.0 - self.from.0).cast_signed();
-            self.jump_ns + drifted_ns(since_ns, self.drift_ppb)
-        } else {
-            0
-        }
-    }
-}
-
-/// What an error of `ppb` makes of `ns`, in ns.
-pub(crate) fn drifted_ns(ns: i64, ppb: i32) -> i64 {
-    (i128::from(ns) * i128::from(ppb) / 1_000_000_000) as i64
-}
-
-/// By how much a receiver with `faults` is ahead of UTC at `at`, in ns.
-pub(crate) fn time_error_ns(faults: &[TimeFault], at: WorldNanos) -> i64 {
-    let of_each = faults.iter().map(|fault| fault.error_ns(at));
-    of_each.sum()
-}
 
 /// The receiver's port and rate, as they stand at power-on and as CFG-PRT,
 /// CFG-MSG and CFG-RATE change them.
@@ -109,11 +17,11 @@ pub(crate) fn time_error_ns(faults: &[TimeFault], at: WorldNanos) -> i64 {
 pub struct Port {
     /// Bits a second.
     pub baud: u32,
-    /// From epoch to epoch, in ms.
+    /// From epoch to epoch. [ms]
     pub period_ms: u16,
-    /// NAV-PVT is sent every so many epochs; 0 is never.
+    /// From NAV-PVT to NAV-PVT; 0 is never. [epochs]
     pub nav_pvt_every: u8,
-    /// TIM-TP is sent for every so many pulses; 0 is never.
+    /// From TIM-TP to TIM-TP; 0 is never. [pulses]
     pub tim_tp_every: u8,
     /// Whether NMEA (here one RMC sentence an epoch) leaves, too.
     pub nmea: bool,
@@ -138,16 +46,62 @@ impl Port {
         nmea: false,
     };
 
-    /// From epoch to epoch, in ns.
+    /// From epoch to epoch. [ns]
     pub(crate) fn period_ns(&self) -> i64 {
         i64::from(self.period_ms.max(1)) * 1_000_000
+    }
+}
+
+/// What the time pulse is like.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PulseSettings {
+    /// How far its edges are off, root of the mean square. [ns]
+    pub rms_ns: u32,
+    /// How much of that square is slow. [percent]
+    pub correlated_percent: u8,
+    /// The time constant of the slow part. [ns]
+    pub correlation_ns: u64,
+    /// The clock at whose ticks edges can be made; 0 for any time. Its
+    /// sawtooth is a part of `rms_ns`. [Hz]
+    pub clock_hz: u32,
+    /// How long a pulse lasts. [ns]
+    pub width_ns: u64,
+    /// When the receiver begins to make pulses.
+    pub from: WorldNanos,
+    /// What goes wrong on the way.
+    pub faults: Vec<PulseFault>,
+}
+
+impl PulseSettings {
+    /// An M8's: 30 ns RMS on a clock of 48 MHz, which is ±10.4 ns of it, and 100 ms
+    /// wide, from the first second on. None of it is slow.
+    #[must_use]
+    pub const fn m8() -> Self {
+        Self {
+            rms_ns: 30,
+            correlated_percent: 0,
+            correlation_ns: 100_000_000_000,
+            clock_hz: 48_000_000,
+            width_ns: 100_000_000,
+            from: WorldNanos(0),
+            faults: Vec::new(),
+        }
+    }
+
+    /// An M8's of which half the square is slow, over 100 s.
+    #[must_use]
+    pub fn m8_correlated() -> Self {
+        Self {
+            correlated_percent: 50,
+            ..Self::m8()
+        }
     }
 }
 
 /// What a receiver is like.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReceiverSettings {
-    /// True UTC at the world's start, in ns since 1970.
+    /// True UTC at the world's start, since 1970. [ns]
     pub utc_at_start_ns: i64,
     /// Where its chance comes from.
     pub seed: u64,

@@ -1,4 +1,4 @@
-//! What the far end of the receiver's line is to whoever steps it.
+//! The far end of the receiver's line, as its driver sees it.
 //!
 //! *Purpose.* One interface for simulated, replayed and damaged receivers.
 //!
@@ -30,7 +30,7 @@ pub struct Transmission {
     pub start: WorldNanos,
     /// The bytes, in their order.
     pub bytes: Vec<u8>,
-    /// The speed of the line, in bits a second.
+    /// The speed of the line. [bits a second]
     pub baud: u32,
 }
 
@@ -57,7 +57,7 @@ pub(crate) fn line_ns(bytes: usize, baud: u32) -> u64 {
 /// The truth about one NAV-PVT that was sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sent {
-    /// The epoch that its fields tell, in ns of UTC since 1970.
+    /// The epoch in its fields, UTC since 1970. [ns]
     pub epoch_utc_ns: i64,
     /// When the start bit of its first byte began.
     pub first_byte: WorldNanos,
@@ -66,7 +66,7 @@ pub struct Sent {
 /// What sits at the far end of the GPS line.
 pub trait Talker {
     /// When [`Talker::poll`] has something next; `None` when it never will unless
-    /// it hears something.
+    /// it receives something.
     fn next_event(&self) -> Option<WorldNanos>;
 
     /// What begins to leave at `now` or should have begun before, one

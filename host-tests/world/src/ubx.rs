@@ -1,6 +1,6 @@
 //! UBX and NMEA as bytes: an encoder and a brute-force reader of their own.
 //!
-//! *Purpose.* What the simulated receiver says and understands, and an
+//! *Purpose.* What the simulated receiver sends and understands, and an
 //! independent judge of what stands in a recording.
 //!
 //! *Design.* Written from the u-blox M8 receiver description (UBX-13003221) with
@@ -14,22 +14,22 @@ const HEADER: usize = 6;
 const NS_PER_S: i64 = 1_000_000_000;
 const MS_PER_WEEK: i64 = 7 * 86_400_000;
 
-/// GPS is ahead of UTC by this since 2017, in s.
+/// GPS is ahead of UTC by this since 2017. [s]
 const GPS_MINUS_UTC_S: i64 = 18;
-/// 1980-01-06, where GPS begins, in s since 1970.
+/// 1980-01-06, where GPS begins, since 1970. [s]
 const GPS_ORIGIN_S: i64 = 315_964_800;
 
 /// Class and id of NAV-PVT.
 pub const NAV_PVT: (u8, u8) = (0x01, 0x07);
-/// The length of an M8's NAV-PVT payload, in bytes.
+/// The length of an M8's NAV-PVT payload. [bytes]
 pub const NAV_PVT_LEN: usize = 92;
-/// The length of a whole NAV-PVT frame, in bytes.
+/// The length of a whole NAV-PVT frame. [bytes]
 pub const NAV_PVT_FRAME_LEN: usize = NAV_PVT_LEN + OVERHEAD;
 /// Class and id of TIM-TP.
 pub const TIM_TP: (u8, u8) = (0x0d, 0x01);
-/// The length of a TIM-TP payload, in bytes.
+/// The length of a TIM-TP payload. [bytes]
 pub const TIM_TP_LEN: usize = 16;
-/// The length of a whole TIM-TP frame, in bytes.
+/// The length of a whole TIM-TP frame. [bytes]
 pub const TIM_TP_FRAME_LEN: usize = TIM_TP_LEN + OVERHEAD;
 
 /// The Fletcher-8 checksum of everything between sync and checksum.
@@ -44,7 +44,7 @@ fn checksum(bytes: &[u8]) -> [u8; 2] {
 ///
 /// # Panics
 ///
-/// If `payload` is longer than its 16-bit length can tell.
+/// If `payload` is longer than its 16-bit length can say.
 #[must_use]
 pub fn frame(class: u8, id: u8, payload: &[u8]) -> Vec<u8> {
     let length = u16::try_from(payload.len()).expect("a payload of at most 65535 bytes");
@@ -140,12 +140,12 @@ fn days_from_civil(year: i64, month: u8, day: u8) -> i64 {
     era * 146_097 + day_of_era - 719_468
 }
 
-/// What a NAV-PVT of the simulated receiver tells apart from its time.
+/// What a NAV-PVT of the simulated receiver states beside its time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Claims {
     /// The field `valid`.
     pub valid: u8,
-    /// The field `tAcc`, in ns.
+    /// The field `tAcc`. [ns]
     pub t_acc_ns: u32,
     /// The field `fixType`.
     pub fix_type: u8,
@@ -190,7 +190,7 @@ pub fn nav_pvt_payload(epoch_utc_ns: i64, claims: Claims) -> [u8; NAV_PVT_LEN] {
     payload
 }
 
-/// The epoch that a NAV-PVT payload tells, in ns of UTC since 1970.
+/// The epoch of a NAV-PVT payload, UTC since 1970. [ns]
 #[must_use]
 pub fn nav_pvt_epoch_utc_ns(payload: &[u8; NAV_PVT_LEN]) -> i64 {
     let year = i64::from(u16::from_le_bytes([payload[4], payload[5]]));
@@ -303,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pulse_is_told_in_the_week_of_utc() {
+    fn a_pulse_is_named_in_the_week_of_utc() {
         // The GPS week that began on Sunday, 2026-11-22 is number 2446.
         let p = tim_tp_payload(MIDNIGHT_NS + 1_500_000_000 + 250_000, 10_417);
         let word = |at: usize| u32::from_le_bytes([p[at], p[at + 1], p[at + 2], p[at + 3]]);

@@ -4,7 +4,7 @@
 //! the satellites in use: the error that no filter of messages can see.
 //!
 //! *Design.* A sine is a formula; a random walk is a path over a grid of 1 s,
-//! drawn as far as it is asked for, kept whole and straight between its points.
+//! drawn when it is asked for, kept whole and straight between its points.
 //!
 //! *Limits.* The path's memory grows by 8 bytes a second.
 
@@ -24,9 +24,9 @@ pub enum Wander {
     None,
     /// Up and down.
     Sine {
-        /// From the least to the most, in ns.
+        /// From the least to the most. [ns]
         peak_to_peak_ns: u64,
-        /// From one least to the next, in ns.
+        /// From one least to the next. [ns]
         period_ns: u64,
         /// Where in its period it begins, in 10⁻⁶ of it; 0 is in the middle, on
         /// the way up.
@@ -35,9 +35,9 @@ pub enum Wander {
     /// A random walk between two walls that throw it back. It begins anywhere
     /// between them.
     Walk {
-        /// From wall to wall, in ns.
+        /// From wall to wall. [ns]
         peak_to_peak_ns: u64,
-        /// The standard deviation of what it does in a second, in ns/√s.
+        /// The standard deviation of what it does in a second. [ns/√s]
         ns_per_sqrt_s: u64,
     },
 }
@@ -67,7 +67,7 @@ impl Wander {
 pub(crate) struct Wanderer {
     wander: Wander,
     rng: Rng,
-    /// The walk at each point of the grid, in ns.
+    /// The walk at each point of the grid. [ns]
     path: Vec<f64>,
 }
 
@@ -83,7 +83,7 @@ impl Wanderer {
         Self { wander, rng, path }
     }
 
-    /// How far above the least it stands at `at`, in ns.
+    /// How far above the least it stands at `at`. [ns]
     pub(crate) fn above_least_ns(&mut self, at: WorldNanos) -> f64 {
         match self.wander {
             Wander::None => 0.0,

@@ -44,3 +44,34 @@ impl From<&Schedule> for Flight {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_of_a_schedule_is_the_flight_that_was_judged() {
+        for seed in 0..6 {
+            let schedule = Schedule::draw(seed);
+            let flight = Flight::from(&schedule);
+            let read = Flight::parse(&flight.to_string());
+            assert_eq!(read, Ok(flight.clone()), "{seed}");
+            assert_eq!(flight.header.windows.len(), schedule.faults.len());
+        }
+    }
+
+    #[test]
+    fn true_utc_steps_back_at_the_end_of_second_60() {
+        let leaping = (0..).map(Schedule::draw);
+        let mut leaping = leaping.filter(|schedule| schedule.leap_at_s.is_some());
+        let schedule = leaping.next().expect("one in twelve");
+        let leap_s = schedule.leap_at_s.expect("it has one");
+        let header = Flight::from(&schedule).header;
+        let utc_s = |after_s: f64| {
+            let at = WorldPicos::from_secs(leap_s + after_s);
+            header.utc_ns(at) as f64 * 1e-9 / 86_400.0
+        };
+        // Midnight, once with second 60 and once more after it.
+        assert!(utc_s(0.0).fract() == 0.0 && utc_s(1.0).fract() == 0.0);
+    }
+}

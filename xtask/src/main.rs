@@ -9,6 +9,7 @@ mod bench;
 mod board_test;
 mod ci;
 mod compare;
+mod ctrl_c;
 mod deps;
 mod flash;
 mod image;

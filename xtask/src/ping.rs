@@ -1,37 +1,42 @@
-//! `ping`: asks a node for its time.
+//! `ping`: asks nodes for their time.
 //!
-//! *Purpose.* One line an answer: the node's UTC, how long the answer took, and how
-//! far the node's time is from this host's.
+//! *Purpose.* One line an answer: the node's UTC, how long the answer took, and how far the node's
+//! time is from this host's. With several nodes, a line a pair: how far they are [apart](pair).
 //!
-//! *Design.* The node tells its time at the arrival of the request; the host's time
-//! at that moment is taken as the middle between sending and receiving. Requests
-//! follow each other; an answer counts when it carries the number of the request
-//! that is waiting.
+//! *Design.* A node answers with its time at the arrival of the request; the host's time at that
+//! moment is taken as the middle between sending and receiving. All nodes are asked at once, each
+//! by a thread of its own. Requests follow each other.
 //!
-//! *Limits.* The difference is as good as the two ways are equally long, half a
-//! round trip at worst, and as this host's clock is right.
+//! *Limits.* The difference to this host is as good as the two ways are equally long, half a round
+//! trip at worst, and as this host's clock is right. Of two nodes' difference the host's clock is no
+//! part.
 
-use std::fmt;
+mod answer;
+mod node;
+mod pair;
+
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::sync::Barrier;
+use std::sync::mpsc::channel;
+use std::thread;
+use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result};
-use jiff::Timestamp;
-use mavlink_node::client::{Client, EARLIEST_UTC_US, GROUND_STATION, Message, Received};
-use mavlink_node::{Address as MavAddress, Version};
-use serde_json::json;
-use timebase::{Stamp, StampedByte};
+use anyhow::Result;
+use mavlink_node::Version;
+use serde_json::{Value, json};
 
-use crate::link::{Address, Link};
+use crate::ctrl_c;
+use crate::link::Address;
+use answer::Answer;
+use node::{HostTime, Node};
+use pair::{Apart, Pair};
 
 /// What `ping` is asked to do.
 #[derive(clap::Args, Debug)]
 pub struct Options {
-    /// Where the node is: tcp:HOST:PORT, udp:HOST:PORT or serial:DEVICE, or serial:DEVICE:BAUD
-    #[arg(value_name = "ADDR")]
-    address: Address,
+    /// Where the nodes are: tcp:HOST:PORT, udp:HOST:PORT or serial:DEVICE, or serial:DEVICE:BAUD
+    #[arg(value_name = "ADDR", required = true)]
+    addresses: Vec<Address>,
     /// How many requests
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     count: u32,
@@ -44,281 +49,195 @@ pub struct Options {
     /// The version of MAVLink that is spoken, 1 or 2
     #[arg(long, value_name = "1|2", default_value_t = 2, value_parser = clap::value_parser!(u8).range(1..=2))]
     mavlink: u8,
+    /// The rate of the serial line behind a TCP or UDP address, in Bd: the bytes' own time at this
+    /// rate is taken off what is uncertain. An emulator keeps no rate in this host's time
+    #[arg(long, value_name = "BD", value_parser = clap::value_parser!(u32).range(1..))]
+    line_baud: Option<u32>,
     /// Print one JSON object at the end instead of lines
     #[arg(long)]
     json: bool,
 }
 
-/// Asks, prints the answers and a summary. The exit code says whether anybody
-/// answered.
+/// Asks, prints the answers and a summary. The exit code says whether each node answered.
 ///
 /// # Errors
 ///
-/// When the line cannot be opened or breaks before anybody has answered.
+/// When a line cannot be opened, or breaks before its node has answered.
 pub fn run(options: &Options) -> Result<ExitCode> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let on_signal = Arc::clone(&stop);
-    ctrlc::set_handler(move || on_signal.store(true, Ordering::Relaxed))
-        .context("Ctrl-C cannot be caught")?;
-
-    let mut round = Round::new(options, stop)?;
-    let ended = round.all(options);
-    if let Err(error) = ended {
-        if round.answers.is_empty() {
+    ctrl_c::catch()?;
+    let mut round = Rounds::new(options)?;
+    if let Err(error) = round.all(options) {
+        if round.nodes.iter().any(|node| node.answers.is_empty()) {
             return Err(error);
         }
         eprintln!("{error:#}");
     }
     if options.json {
-        println!("{:#}", round.to_json(options));
+        println!("{:#}", round.to_json());
     } else {
-        println!("{}", round.summary());
+        round.print_summary();
     }
-    if round.answers.is_empty() {
-        eprintln!("{}", round.why_nobody(options));
-        return Ok(ExitCode::FAILURE);
+    let mut code = ExitCode::SUCCESS;
+    for node in round.nodes.iter().filter(|node| node.answers.is_empty()) {
+        eprintln!("{}", node.why_none());
+        code = ExitCode::FAILURE;
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(code)
 }
 
-/// An answer of the node.
-#[derive(Clone, Copy, Debug)]
-struct Answer {
-    seq: u32,
-    /// The node's time: UTC, or since boot while its clock is not set.
-    node_us: u64,
-    round_trip: Duration,
-    /// The host's UTC at which the request is taken to have arrived, in µs.
-    host_us: i64,
+/// The nodes, and what they have said.
+struct Rounds {
+    nodes: Vec<Node>,
+    /// Each with the indices of its nodes.
+    pairs: Vec<(usize, usize, Pair)>,
 }
 
-impl Answer {
-    /// Node minus host, in µs; none while the node's clock is not set.
-    fn difference_us(&self) -> Option<i64> {
-        let utc = i64::try_from(self.node_us).ok()?;
-        (self.node_us >= EARLIEST_UTC_US).then(|| utc - self.host_us)
-    }
-}
-
-impl fmt::Display for Answer {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "seq {:<4} ", self.seq)?;
-        let utc = i64::try_from(self.node_us)
-            .ok()
-            .map(Timestamp::from_microsecond);
-        match (self.difference_us(), utc) {
-            (Some(_), Some(Ok(utc))) => write!(f, "{utc:.6}")?,
-            _ => write!(
-                f,
-                "clock not set, {:.6} s since boot",
-                self.node_us as f64 / 1e6
-            )?,
-        }
-        write!(
-            f,
-            "  round trip {:.3} ms",
-            self.round_trip.as_secs_f64() * 1e3
-        )?;
-        match self.difference_us() {
-            Some(us) => write!(f, "  difference {}", signed(us)),
-            None => Ok(()),
-        }
-    }
-}
-
-/// A difference in a unit that fits its size.
-fn signed(us: i64) -> String {
-    match us.unsigned_abs() {
-        0..10_000_000 => format!("{:+.3} ms", us as f64 / 1e3),
-        _ => format!("{:+.3} s", us as f64 / 1e6),
-    }
-}
-
-/// The requests of one call and what came of them.
-struct Round {
-    link: Link,
-    client: Client,
-    stop: Arc<AtomicBool>,
-    answers: Vec<Answer>,
-    missing: Vec<u32>,
-    /// Somebody is there who sends HEARTBEATs.
-    somebody: Option<MavAddress>,
-}
-
-impl Round {
-    fn new(options: &Options, stop: Arc<AtomicBool>) -> Result<Self> {
-        let version = if options.mavlink == 1 {
-            Version::V1
-        } else {
-            Version::V2
+impl Rounds {
+    fn new(options: &Options) -> Result<Self> {
+        let version = match options.mavlink {
+            1 => Version::V1,
+            _ => Version::V2,
         };
+        let nodes = options.addresses.iter().map(|address| {
+            let baud = match address {
+                Address::Serial(_, baud) => Some(*baud),
+                Address::Tcp(_) | Address::Udp(_) => options.line_baud,
+            };
+            Node::new(address, version, baud)
+        });
+        let nodes = nodes.collect::<Result<Vec<_>>>()?;
+        let pairs = (0..nodes.len())
+            .flat_map(|first| (first + 1..nodes.len()).map(move |second| (first, second)));
         Ok(Self {
-            link: Link::open(&options.address)?,
-            client: Client::new(GROUND_STATION, version),
-            stop,
-            answers: Vec::new(),
-            missing: Vec::new(),
-            somebody: None,
+            pairs: pairs
+                .map(|(one, other)| (one, other, Pair::default()))
+                .collect(),
+            nodes,
         })
     }
 
-    fn stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
-    }
-
-    /// All requests, one after the other.
+    /// All requests, one round after the other.
     fn all(&mut self, options: &Options) -> Result<()> {
         for seq in 1..=options.count {
-            let next = Instant::now() + Duration::from_millis(options.interval);
-            let answer = self.ask(seq, Duration::from_millis(options.timeout))?;
-            match answer {
-                Some(answer) => self.answers.push(answer),
-                None if self.stopped() => break,
-                None => self.missing.push(seq),
-            }
-            if !options.json {
-                match answer {
-                    Some(answer) => println!("{answer}"),
-                    None => println!("seq {seq:<4} no answer within {} ms", options.timeout),
-                }
-            }
-            while seq < options.count && Instant::now() < next && !self.stopped() {
-                self.listen()?;
-            }
-            if self.stopped() {
+            if ctrl_c::is_pressed() {
                 break;
             }
+            let mut next = Instant::now();
+            if seq < options.count {
+                next += Duration::from_millis(options.interval);
+            }
+            self.round(seq, next, options)?;
         }
         Ok(())
     }
 
-    /// One request, and its answer if it comes in time.
-    fn ask(&mut self, seq: u32, timeout: Duration) -> Result<Option<Answer>> {
-        // What has come before is no answer to this.
-        while !self.listen()?.is_empty() && !self.stopped() {}
-        // In this order: a pause between the two lengthens the round trip, half of which is
-        // what the request's arrival is known to.
-        let sent = Instant::now();
-        let host = SystemTime::now().duration_since(UNIX_EPOCH)?;
-        let request = self.client.ping(host.as_micros() as u64, seq);
-        self.link.send(&request)?;
-        while sent.elapsed() < timeout && !self.stopped() {
-            let heard = self.listen()?;
-            let round_trip = sent.elapsed();
-            for heard in heard {
-                if let Message::Ping {
-                    time_usec,
-                    seq: answered,
-                    target: GROUND_STATION,
-                } = heard.message
-                    && answered == seq
-                {
-                    let middle = host + round_trip / 2;
-                    return Ok(Some(Answer {
-                        seq,
-                        node_us: time_usec,
-                        round_trip,
-                        host_us: i64::try_from(middle.as_micros())?,
-                    }));
-                }
-            }
-        }
-        Ok(None)
-    }
-
-    /// What the node says within a moment.
-    fn listen(&mut self) -> Result<Vec<Received>> {
-        let mut buffer = [0; 1_024];
-        let bytes = self.link.receive(&mut buffer)?;
-        // The client's own stamps are not used: it tells apart frames, not times.
-        let stamp = Stamp(0);
-        let heard: Vec<Received> = bytes
-            .iter()
-            .filter_map(|&byte| self.client.push(StampedByte { stamp, byte }))
-            .collect();
-        let heartbeat = heard
-            .iter()
-            .find(|heard| heard.message == Message::Heartbeat);
-        self.somebody = heartbeat.map(|heard| heard.from).or(self.somebody);
-        Ok(heard)
-    }
-
-    /// Least, median and greatest of a list.
-    fn spread<T: Copy + Ord>(mut values: Vec<T>) -> Option<[T; 3]> {
-        values.sort_unstable();
-        Some([
-            *values.first()?,
-            *values.get(values.len() / 2)?,
-            *values.last()?,
-        ])
-    }
-
-    fn round_trips_us(&self) -> Option<[u64; 3]> {
-        let micros = |answer: &Answer| answer.round_trip.as_micros() as u64;
-        Self::spread(self.answers.iter().map(micros).collect())
-    }
-
-    fn differences_us(&self) -> Option<[i64; 3]> {
-        Self::spread(
-            self.answers
-                .iter()
-                .filter_map(Answer::difference_us)
-                .collect(),
-        )
-    }
-
-    fn summary(&self) -> String {
-        let sent = self.answers.len() + self.missing.len();
-        let mut summary = format!("{sent} asked, {} answered", self.answers.len());
-        if let Some(trips) = self.round_trips_us() {
-            let [least, median, most] = trips.map(|us| us as f64 / 1e3);
-            summary += &format!("; round trip {least:.3} / {median:.3} / {most:.3} ms");
-        }
-        if let Some(differences) = self.differences_us() {
-            let [least, median, most] = differences.map(signed);
-            summary += &format!("; difference {least} / {median} / {most}");
-        }
-        summary
-    }
-
-    fn to_json(&self, options: &Options) -> serde_json::Value {
-        let spread = |[least, median, most]: [serde_json::Value; 3]| json!({ "least": least, "median": median, "greatest": most });
-        let answers: Vec<_> = self
-            .answers
-            .iter()
-            .map(|answer| {
-                json!({
-                    "seq": answer.seq,
-                    "node_us": answer.node_us,
-                    "clock_set": answer.difference_us().is_some(),
-                    "round_trip_us": answer.round_trip.as_micros() as u64,
-                    "difference_us": answer.difference_us(),
+    /// Request `seq` to every node, what comes of it, and the time until the `next`.
+    fn round(&mut self, seq: u32, next: Instant, options: &Options) -> Result<()> {
+        let timeout = Duration::from_millis(options.timeout);
+        let together = Barrier::new(self.nodes.len());
+        let host = HostTime::now()?;
+        let names = self.names();
+        let (sender, answers) = channel();
+        thread::scope(|scope| {
+            let nodes: Vec<_> = (0..)
+                .zip(&mut self.nodes)
+                .map(|(index, node)| {
+                    let (sender, together) = (sender.clone(), &together);
+                    scope.spawn(move || {
+                        let answer = node.ask(seq, timeout, host, together)?;
+                        // The receiver waits for as many as there are nodes.
+                        let _ = sender.send((index, answer));
+                        node.wait(next)
+                    })
                 })
-            })
-            .collect();
-        json!({
-            "address": options.address.to_string(),
-            "mavlink": options.mavlink,
-            "asked": self.answers.len() + self.missing.len(),
-            "answered": self.answers.len(),
-            "missing": self.missing,
-            "round_trip_us": self.round_trips_us().map(|trips| spread(trips.map(Into::into))),
-            "difference_us": self.differences_us().map(|us| spread(us.map(Into::into))),
-            "answers": answers,
+                .collect();
+            // A node whose line is gone answers nothing: then there is an end of answers.
+            drop(sender);
+            let mut answers: Vec<(usize, Option<Answer>)> =
+                answers.iter().take(nodes.len()).collect();
+            answers.sort_unstable_by_key(|&(index, _)| index);
+            report(seq, &answers, &names, &mut self.pairs, options);
+            let ended = nodes.into_iter().map(|node| {
+                let ended = node.join();
+                ended.unwrap_or_else(|_| anyhow::bail!("a node's thread panicked"))
+            });
+            ended.collect()
         })
     }
 
-    fn why_nobody(&self, options: &Options) -> String {
-        let address = &options.address;
-        match self.somebody {
-            _ if self.missing.is_empty() => format!("stopped before {address} could answer"),
-            Some(MavAddress { system, component }) => format!(
-                "nobody answered at {address}: {system}/{component} sends HEARTBEATs there, but \
-                 no answer to a PING"
-            ),
-            None => {
-                format!("nobody answered at {address}: nothing that is MAVLink came from there")
-            }
+    /// What each line of a node begins with: nothing, if there is only one.
+    fn names(&self) -> Vec<String> {
+        if self.nodes.len() == 1 {
+            return vec![String::new()];
+        }
+        let addresses = (1..).zip(&self.nodes);
+        let names = addresses.map(|(number, node)| format!("{number} {}  ", node.address));
+        names.collect()
+    }
+
+    fn print_summary(&self) {
+        for (name, node) in self.names().iter().zip(&self.nodes) {
+            println!("{name}{}", node.summary());
+        }
+        for (first, second, pair) in &self.pairs {
+            println!("{} less {}: {pair}", first + 1, second + 1);
+        }
+        if self.nodes.len() > 1 {
+            let own_time = if self.nodes.iter().all(Node::has_rate) {
+                "less the bytes' own time"
+            } else {
+                "with the bytes' own time in it where no rate is known (--line-baud)"
+            };
+            println!("proved: half the sum of the round trips, {own_time}");
+            println!("assumed: half their difference, if requests take the same share of both");
+        }
+    }
+
+    /// One node is an object; several are a list of such, and a list of pairs.
+    fn to_json(&self) -> Value {
+        if let [node] = self.nodes.as_slice() {
+            return node.to_json();
+        }
+        let pairs = self.pairs.iter().map(|(first, second, pair)| {
+            let mut object = pair.to_json();
+            object["first"] = self.nodes[*first].address.to_string().into();
+            object["second"] = self.nodes[*second].address.to_string().into();
+            object
+        });
+        json!({
+            "nodes": self.nodes.iter().map(Node::to_json).collect::<Vec<_>>(),
+            "pairs": pairs.collect::<Vec<_>>(),
+        })
+    }
+}
+
+/// Prints the answers of a round and what they say of each pair, and adds that to `pairs`.
+fn report(
+    seq: u32,
+    answers: &[(usize, Option<Answer>)],
+    names: &[String],
+    pairs: &mut [(usize, usize, Pair)],
+    options: &Options,
+) {
+    let say = |line: String| {
+        if !options.json {
+            println!("seq {seq:<4} {line}");
+        }
+    };
+    for &(index, answer) in answers {
+        let name = &names[index];
+        match answer {
+            Some(answer) => say(format!("{name}{answer}")),
+            None if ctrl_c::is_pressed() => {}
+            None => say(format!("{name}no answer within {} ms", options.timeout)),
+        }
+    }
+    let of = |node| answers.iter().find(|&&(index, _)| index == node)?.1;
+    for (first, second, pair) in pairs {
+        let answered = of(*first).zip(of(*second));
+        if let Some(apart) = answered.and_then(|(one, other)| Apart::of(&one, &other)) {
+            say(format!("{} less {}: {apart}", *first + 1, *second + 1));
+            pair.push(apart);
         }
     }
 }

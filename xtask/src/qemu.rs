@@ -29,6 +29,7 @@ use jiff::Timestamp;
 use timebase::ClockState;
 use world::{ReceiverSettings, Recording};
 
+use crate::ctrl_c;
 use crate::image;
 use machine::MACHINE;
 use player::Player;
@@ -43,7 +44,8 @@ pub struct QemuOptions {
     install: bool,
 }
 
-static ASKED_TO_END: AtomicBool = AtomicBool::new(false);
+/// A board cannot go on, so the others end, too.
+static BOARD_FAILED: AtomicBool = AtomicBool::new(false);
 
 /// Runs boards on QEMU until the end of `--duration` or Ctrl-C.
 ///
@@ -62,7 +64,7 @@ pub fn run(options: &QemuOptions) -> Result<ExitCode> {
         Some(image) => image.clone(),
         None => machine::build(options.variant())?,
     };
-    ctrlc::set_handler(|| ASKED_TO_END.store(true, Ordering::Relaxed))?;
+    ctrl_c::catch()?;
     let reference = Reference::new(options)?;
     if !options.json {
         announce(options);
@@ -80,7 +82,7 @@ pub fn run(options: &QemuOptions) -> Result<ExitCode> {
                 scope.spawn(move || {
                     let ended = run_board(options, image, index, reference, &sender);
                     if ended.is_err() {
-                        ASKED_TO_END.store(true, Ordering::Relaxed);
+                        BOARD_FAILED.store(true, Ordering::Relaxed);
                     }
                     ended
                 })
@@ -180,7 +182,9 @@ fn run_board(
     let started = reference.started;
     let is_over = || {
         let limit = options.duration();
-        ASKED_TO_END.load(Ordering::Relaxed) || limit.is_some_and(|it| started.elapsed() >= it)
+        ctrl_c::is_pressed()
+            || BOARD_FAILED.load(Ordering::Relaxed)
+            || limit.is_some_and(|limit| started.elapsed() >= limit)
     };
     let damaged_log_frames = thread::scope(|scope| {
         let reports = |report| drop(reports.send((index.into(), report)));

@@ -10,7 +10,6 @@
 //! what they were flashed with, one way a call.
 
 mod board;
-mod ctrl_c;
 mod emulated;
 mod test;
 
@@ -23,6 +22,7 @@ use clap::{Args as _, Command as Clap};
 use testbed::{Boards, Method, Options, Place, Results, progress};
 use variant::Image;
 
+use crate::ctrl_c;
 use crate::image::{self, Board, Build};
 use crate::link::{Address, Link};
 use crate::qemu;

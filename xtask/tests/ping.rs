@@ -4,6 +4,7 @@ use std::io::{Read, Write};
 use std::net::{TcpListener, UdpSocket};
 use std::process::{Command, Output};
 use std::thread;
+use std::time::{Duration, Instant};
 
 use host_tests::mavlink_server::{Clock, serve};
 use serde_json::Value;
@@ -83,7 +84,7 @@ fn says_when_the_clock_is_not_set() {
 }
 
 #[test]
-fn says_when_nobody_answers() {
+fn says_when_there_is_no_answer() {
     // A port with something that is no node, and one with nothing at all.
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = format!("tcp:{}", listener.local_addr().expect("its address"));
@@ -104,17 +105,144 @@ fn says_when_nobody_answers() {
     ]);
     assert_eq!(output.status.code(), Some(1));
     assert!(text(&output.stdout).contains("seq 2    no answer within 50 ms"));
-    assert!(text(&output.stderr).contains("nobody answered at tcp:127.0.0.1"));
+    assert!(text(&output.stderr).contains("no answer from tcp:127.0.0.1"));
 
     let silent = UdpSocket::bind("127.0.0.1:0").expect("a port");
     let address = format!("udp:{}", silent.local_addr().expect("its address"));
     let output = ping(&[&address, "--count", "1", "--timeout", "50"]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(text(&output.stderr).contains("nobody answered at udp:"));
+    assert!(text(&output.stderr).contains("no answer from udp:"));
 
     let output = ping(&["tcp:127.0.0.1:1"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(text(&output.stderr).contains("no node at tcp:127.0.0.1:1"));
+}
+
+#[test]
+fn tells_how_far_two_nodes_are_apart_within_what_it_proves() {
+    for offset_us in [0_i64, 1_500, -40_000_000] {
+        let first = node(Clock::HostPlus(offset_us * 1_000));
+        let second = node(Clock::HostPlus(0));
+        let output = ping(&[&first, &second, "--interval", "5", "--json"]);
+        let told: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        assert_eq!(told["nodes"].as_array().map(Vec::len), Some(2));
+        let pair = &told["pairs"][0];
+        assert_eq!(
+            (&pair["first"], &pair["second"]),
+            (&first.into(), &second.into())
+        );
+        let rounds = pair["rounds"].as_array().expect("rounds");
+        assert_eq!(rounds.len(), 5);
+        for (round, (one, other)) in rounds.iter().zip(answers_of_both(&told)) {
+            let ns = |key: &str| round[key].as_i64().expect(key);
+            let error = ns("apart_ns") - offset_us * 1_000;
+            // The nodes stamp when a read returns, which is within the round trip.
+            assert!(error.abs() <= ns("proved_ns"), "{error} ns in {round}");
+            // No rate is known, so nothing is taken off; and each time has whole µs.
+            let (one, other) = (one * 1_000, other * 1_000);
+            let half_sum = (one + other) / 2;
+            assert!(
+                (0..=2_000).contains(&(ns("proved_ns") - half_sum)),
+                "{round}"
+            );
+            let half_difference = (one - other).abs() / 2;
+            assert!(
+                (ns("if_alike_ns") - half_difference).abs() <= 1_000,
+                "{round}"
+            );
+        }
+    }
+}
+
+/// The round trips of both nodes in µs, round by round.
+fn answers_of_both(told: &Value) -> Vec<(i64, i64)> {
+    let [one, other] = [0, 1].map(|node| {
+        let answers = told["nodes"][node]["answers"].as_array().expect("answers");
+        let round_trips = answers.iter().map(|it| it["round_trip_us"].as_i64());
+        round_trips.collect::<Option<Vec<_>>>().expect("times")
+    });
+    one.into_iter().zip(other).collect()
+}
+
+#[test]
+fn prints_a_line_an_answer_and_a_line_a_pair() {
+    let nodes = [0, 1_500_000, -46_000].map(|ns| node(Clock::HostPlus(ns)));
+    let [one, two, three] = nodes.each_ref();
+    let output = ping(&[one, two, three, "--count", "2", "--interval", "5"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let printed = text(&output.stdout);
+    let lines: Vec<&str> = printed.lines().collect();
+    for (seq, round) in (1..=2).zip(lines.chunks(6)) {
+        for (number, (line, address)) in (1..).zip(round.iter().zip(&nodes)) {
+            let expected = format!("seq {seq}    {number} {address}  2");
+            assert!(line.starts_with(&expected), "{line}");
+        }
+        for (line, pair) in round[3..].iter().zip(["1 less 2", "1 less 3", "2 less 3"]) {
+            assert!(
+                line.starts_with(&format!("seq {seq}    {pair}: apart ")),
+                "{line}"
+            );
+            assert!(line.contains(" proved, ± "), "{line}");
+            assert!(line.ends_with(" if both ways are alike"), "{line}");
+        }
+    }
+    assert!(
+        lines[12].starts_with(&format!("1 {one}  2 asked, 2 answered")),
+        "{printed}"
+    );
+    assert!(
+        lines[15].starts_with("1 less 2: 2 rounds, median −1."),
+        "{printed}"
+    );
+    assert_eq!(lines.len(), 12 + 3 + 3 + 2, "{printed}");
+}
+
+#[test]
+fn a_clock_that_is_not_set_is_apart_from_no_other() {
+    let (unset, set) = (node(Clock::Unset), node(Clock::HostPlus(0)));
+    let output = ping(&[&unset, &set, "--count", "1"]);
+    assert_eq!(output.status.code(), Some(0));
+    let printed = text(&output.stdout);
+    assert!(!printed.contains("apart"), "{printed}");
+    assert!(printed.contains("1 less 2: no round in which both clocks were set"));
+}
+
+#[test]
+fn a_node_that_does_not_answer_is_named_and_the_others_are_summed_up() {
+    let silent = UdpSocket::bind("127.0.0.1:0").expect("a port");
+    let silent = format!("udp:{}", silent.local_addr().expect("its address"));
+    let set = node(Clock::HostPlus(0));
+    let output = ping(&[&silent, &set, "--count", "1", "--timeout", "100"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains(&format!("no answer from {silent}")));
+    let printed = text(&output.stdout);
+    assert!(printed.contains("no answer within 100 ms"), "{printed}");
+    assert!(
+        printed.contains(&format!("2 {set}  1 asked, 1 answered")),
+        "{printed}"
+    );
+}
+
+#[test]
+fn asks_all_nodes_at_once() {
+    // One after the other, the second would be asked when the first is given up.
+    const TIMEOUT: Duration = Duration::from_millis(2_000);
+    let sockets = [0, 1].map(|_| UdpSocket::bind("127.0.0.1:0").expect("a port"));
+    let addresses = sockets
+        .each_ref()
+        .map(|socket| format!("udp:{}", socket.local_addr().expect("its address")));
+    let asked = sockets.map(|socket| {
+        thread::spawn(move || {
+            socket.recv(&mut [0; 64]).expect("a request");
+            Instant::now()
+        })
+    });
+    let timeout = TIMEOUT.as_millis().to_string();
+    let [one, other] = addresses.each_ref();
+    ping(&[one, other, "--count", "1", "--timeout", &timeout]);
+    let [one, other] = asked.map(|asked| asked.join().expect("it was asked"));
+    let apart = one.max(other) - one.min(other);
+    assert!(apart < TIMEOUT / 2, "{apart:?}");
 }
 
 #[test]
@@ -146,7 +274,7 @@ fn ctrl_c_ends_with_a_summary() {
         .stdout(std::process::Stdio::piped())
         .spawn()
         .expect("xtask runs");
-    thread::sleep(std::time::Duration::from_millis(700));
+    thread::sleep(Duration::from_millis(700));
     let interrupt = Command::new("kill")
         .args(["-INT", &child.id().to_string()])
         .status();

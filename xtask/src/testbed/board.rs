@@ -17,7 +17,7 @@ use testbed::{OwnLog, SILENCE_NS};
 use timebase::{Stamp, StampedByte};
 use variant::Image;
 
-use super::ctrl_c;
+use crate::ctrl_c;
 use crate::link::Link;
 
 /// How long an answer is waited for.

@@ -25,7 +25,7 @@ use testbed::{Conversation, Method, Options, OwnLog, Record, Run, Schedule, disc
 use timebase::{Stamp, StampedByte};
 
 use super::board::{Clock, Connected, Identity, PATIENCE};
-use super::ctrl_c;
+use crate::ctrl_c;
 use crate::link::Link;
 
 /// From the last word to the boards to the first PING.

@@ -1,4 +1,4 @@
-//! Ctrl-C ends the experiment with the results that there are.
+//! Ctrl-C ends what runs with the results that there are.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -17,7 +17,7 @@ pub fn catch() -> Result<()> {
     })?)
 }
 
-/// Whether the experiment is to end.
+/// Whether what runs is to end.
 pub fn is_pressed() -> bool {
     PRESSED.load(Ordering::Relaxed)
 }

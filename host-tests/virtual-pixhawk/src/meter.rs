@@ -4,15 +4,14 @@
 //! instructions inside calls of named functions, and a profile by address: all of
 //! the very image that is flashed.
 //!
-//! *Design.* `rigless` tells the instructions retired, which is the time that the
-//! core was not asleep, at every stop, but not what they were spent on. It lets a
-//! board wrap its processor, though, and promises that a run is the same however it
-//! is cut. So [`Meter`] wraps it and, while it is on, runs one instruction at a
-//! time. Before each, a stretch of no instructions lets a pending exception be
-//! entered; then the program counter and IPSR say what is executed and on whose
-//! behalf. Activations of exceptions are kept on a stack, and each has its own stack
+//! *Design.* `rigless` counts the instructions retired, which is the time that the
+//! core was not asleep, but not what they were spent on. It lets a board wrap its
+//! processor, though, and promises that a run is the same however it is cut. So
+//! [`Meter`] wraps it and, while it is on, runs one instruction at a time. Before
+//! each, a stretch of no instructions lets a pending exception be entered; then the
+//! program counter and IPSR show what is executed and on whose behalf. Activations of exceptions are kept on a stack, and each has its own stack
 //! of watched calls, so that an interrupt in the middle of a function is not charged
-//! to it. Off, the processor runs as if nothing were there.
+//! to it. Off, the processor runs as if it were not wrapped.
 //!
 //! *Limits.* One instruction counts one, as everywhere on this board; the about 12
 //! cycles to enter an exception and the 10 to leave it are none, as are wait states.
@@ -25,7 +24,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use rigless::emulator::ProcessorConstructor;
 
 use crate::image::{APPLICATION, APPLICATION_MAX, Firmware, Symbol};
-use crate::stepping::Stepping;
+use crate::stepping::{Moment, Observer, Origin, Stepping};
 
 /// How many times something ran, and the instructions that it took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -62,7 +61,7 @@ pub struct Profile {
     /// By exception number (15 is SysTick, 16 + n interrupt n): its activations and
     /// their own instructions, without those of exceptions that preempted them.
     pub exceptions: BTreeMap<u16, Tally>,
-    /// By the name it was asked for with: its calls and their instructions, with
+    /// By the name with which it was watched: its calls and their instructions, with
     /// those of everything that it called and without those of interrupts.
     pub functions: BTreeMap<String, Tally>,
     /// How often the instruction at each halfword of the application was executed.
@@ -123,21 +122,7 @@ fn halfword(address: u32) -> Option<usize> {
     (offset < APPLICATION_MAX).then_some(offset as usize / 2)
 }
 
-/// What the core is about to execute, and on whose behalf.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Moment {
-    pub(crate) pc: u32,
-    pub(crate) ipsr: u16,
-}
-
-/// The registers that say where a call or an exception came from.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Origin {
-    pub(crate) sp: u32,
-    pub(crate) lr: u32,
-}
-
-/// Whether `lr` is what the core puts there as it enters an exception (ARMv7-M
+/// Whether `lr` is what the core writes there as it enters an exception (ARMv7-M
 /// B1.5.8).
 const fn is_exc_return(lr: u32) -> bool {
     lr >= 0xffff_ffe0
@@ -155,10 +140,12 @@ pub(crate) struct Count {
     activations: Vec<Activation>,
 }
 
-impl Count {
-    /// Notes that the instruction at `moment` comes next; `origin` is asked only
-    /// where something may begin or end.
-    pub(crate) fn before(&mut self, moment: Moment, origin: impl Fn() -> Origin) {
+impl Observer for Count {
+    fn is_on(&self) -> bool {
+        self.on
+    }
+
+    fn before(&mut self, moment: Moment, origin: impl Fn() -> Origin) {
         self.follow_exceptions(moment, &origin);
         let Some(running) = self.activations.last_mut() else {
             return;
@@ -185,6 +172,25 @@ impl Count {
         }
     }
 
+    fn after(&mut self, moment: Moment, retired: u64) {
+        self.profile.instructions += retired;
+        if moment.ipsr == 0 {
+            self.profile.in_thread += retired;
+        }
+        if let Some(halfword) = halfword(moment.pc) {
+            let executed = &mut self.profile.executed;
+            if executed.len() <= halfword {
+                executed.resize(halfword + 1, 0);
+            }
+            executed[halfword] += retired;
+        }
+        if let Some(running) = self.activations.last_mut() {
+            running.instructions += retired;
+        }
+    }
+}
+
+impl Count {
     /// Brings the activations up to date with IPSR.
     fn follow_exceptions(&mut self, moment: Moment, origin: &impl Fn() -> Origin) {
         let handler = self.handlers.get(usize::from(moment.ipsr));
@@ -225,29 +231,6 @@ impl Count {
                 .add(ended.instructions);
         }
     }
-
-    /// Notes that `retired` instructions were executed at `moment`: one, or none if
-    /// it faulted.
-    pub(crate) fn after(&mut self, moment: Moment, retired: u64) {
-        self.profile.instructions += retired;
-        if moment.ipsr == 0 {
-            self.profile.in_thread += retired;
-        }
-        if let Some(halfword) = halfword(moment.pc) {
-            let executed = &mut self.profile.executed;
-            if executed.len() <= halfword {
-                executed.resize(halfword + 1, 0);
-            }
-            executed[halfword] += retired;
-        }
-        if let Some(running) = self.activations.last_mut() {
-            running.instructions += retired;
-        }
-    }
-
-    pub(crate) const fn is_on(&self) -> bool {
-        self.on
-    }
 }
 
 /// Counts instructions; off until it is started.
@@ -257,11 +240,14 @@ pub(crate) struct Meter(Arc<Mutex<Count>>);
 impl Meter {
     /// `constructor`, whose processor this meter can look at.
     pub(crate) fn around(&self, constructor: ProcessorConstructor) -> ProcessorConstructor {
-        let meter = self.clone();
-        Arc::new(move |endian| Ok(Box::new(Stepping::new(constructor(endian)?, meter.clone()))))
+        let count = Arc::clone(&self.0);
+        Arc::new(move |endian| {
+            let processor = constructor(endian)?;
+            Ok(Box::new(Stepping::new(processor, Arc::clone(&count))))
+        })
     }
 
-    pub(crate) fn count(&self) -> MutexGuard<'_, Count> {
+    fn count(&self) -> MutexGuard<'_, Count> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -284,7 +270,7 @@ impl Meter {
         Ok(())
     }
 
-    /// Ends counting. What had not ended by now, like a call that sleeps, is in no
+    /// Ends counting. A call that has not ended yet, like one that sleeps, is in no
     /// tally.
     pub(crate) fn stop(&self) -> Profile {
         let mut count = self.count();

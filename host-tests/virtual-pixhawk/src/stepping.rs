@@ -1,9 +1,9 @@
-//! The processor with a meter around it.
+//! The processor, run one instruction at a time under an observer.
 //!
-//! *Purpose.* [`Stepping`] is the processor that the board's machine module made,
-//! run one instruction at a time while its [`Meter`] is on.
+//! *Purpose.* [`Stepping`] is the processor that the board's machine module made;
+//! while its [`Observer`] is on, that sees each instruction.
 //!
-//! *Design.* Everything is handed through, and nothing is changed on the way but
+//! *Design.* Everything is passed on, and nothing is changed on the way but
 //! the length of a stretch: [`Processor`] promises the same run however it is cut.
 //! The bus has to be wrapped as well, because it may let the processor go on past
 //! its budget after an access.
@@ -11,13 +11,14 @@
 //! *Limits.* GDB is not served on this board, so what only a debugger needs is
 //! left at the trait's defaults.
 
+use std::fmt::Debug;
+use std::sync::{Arc, Mutex, PoisonError};
+
 use rigless::emulator::{
     Access, Checked, CoreBus, DataModel, Error, Exit, HostCall, InterruptLine, Processor, Queued,
 };
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
-
-use crate::meter::{Meter, Moment, Origin};
 
 /// The numbers under which the processor shows its registers (GDB's, for Cortex-M).
 const SP: usize = 13;
@@ -26,15 +27,43 @@ const XPSR: usize = 16;
 /// The bits of xPSR that name the exception that is active.
 const IPSR: u32 = 0x1ff;
 
-#[derive(Debug)]
-pub(crate) struct Stepping {
-    inner: Box<dyn Processor>,
-    meter: Meter,
+/// What the core is about to execute, and on whose behalf.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Moment {
+    pub(crate) pc: u32,
+    pub(crate) ipsr: u16,
 }
 
-impl Stepping {
-    pub(crate) fn new(inner: Box<dyn Processor>, meter: Meter) -> Self {
-        Self { inner, meter }
+/// The registers that show where a call or an exception came from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Origin {
+    pub(crate) sp: u32,
+    pub(crate) lr: u32,
+}
+
+/// Sees each instruction while it is on.
+pub(crate) trait Observer: Debug + Send {
+    /// Whether it wants to see instructions.
+    fn is_on(&self) -> bool;
+
+    /// The instruction at `moment` comes next. `origin` reads registers: it is to be called only
+    /// where a call or an exception may begin or end.
+    fn before(&mut self, moment: Moment, origin: impl Fn() -> Origin);
+
+    /// `retired` instructions were executed at `moment`: one, or none if it faulted.
+    fn after(&mut self, moment: Moment, retired: u64);
+}
+
+/// A processor with its observer.
+#[derive(Debug)]
+pub(crate) struct Stepping<O> {
+    inner: Box<dyn Processor>,
+    observer: Arc<Mutex<O>>,
+}
+
+impl<O> Stepping<O> {
+    pub(crate) fn new(inner: Box<dyn Processor>, observer: Arc<Mutex<O>>) -> Self {
+        Self { inner, observer }
     }
 
     fn register(&self, number: usize) -> u32 {
@@ -58,12 +87,12 @@ impl Stepping {
     }
 }
 
-impl Processor for Stepping {
+impl<O: Observer> Processor for Stepping<O> {
     fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
-        let meter = self.meter.clone();
-        let mut count = meter.count();
-        if !count.is_on() {
-            drop(count);
+        let observer = Arc::clone(&self.observer);
+        let mut observer = observer.lock().unwrap_or_else(PoisonError::into_inner);
+        if !observer.is_on() {
+            drop(observer);
             return self.inner.run(budget, bus);
         }
         let mut bus = OneAtATime(bus);
@@ -74,9 +103,9 @@ impl Processor for Stepping {
                 return (exit, retired);
             }
             let moment = self.moment();
-            count.before(moment, || self.origin());
+            observer.before(moment, || self.origin());
             let (exit, one) = self.inner.run(1, &mut bus);
-            count.after(moment, one);
+            observer.after(moment, one);
             retired += one;
             if exit != Exit::Budget {
                 return (exit, retired);
@@ -102,7 +131,7 @@ impl Processor for Stepping {
     }
 
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
-        // SAFETY: the caller's promise is handed on as it is, and `inner` is dropped
+        // SAFETY: the caller's promise is passed on as it is, and `inner` is dropped
         // with `self`.
         unsafe { self.inner.map(start, length, host, writable) };
     }

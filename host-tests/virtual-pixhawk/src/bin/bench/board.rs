@@ -1,0 +1,66 @@
+//! The board that is measured, with what is connected to it.
+
+use mavlink_node::Address;
+use virtual_pixhawk::{Builder, Firmware, Profile};
+use world::{Port, Receiver, ReceiverSettings, Talker, WorldNanos};
+
+/// The speed of both lines.
+pub const BAUD: u32 = 115_200;
+/// A millisecond. [ns]
+pub const MS: u64 = 1_000_000;
+/// A second. [ns]
+pub const SECOND: u64 = 1_000 * MS;
+/// The address of the client, a ground station.
+pub const HOST: Address = Address {
+    system: 255,
+    component: 190,
+};
+/// 2026-11-22T04:00:00Z.
+const START_UTC_NS: i64 = 1_795_320_000 * 1_000_000_000;
+
+/// A receiver that needs no configuration.
+pub fn receiver_settings() -> ReceiverSettings {
+    let mut settings = ReceiverSettings::new(START_UTC_NS);
+    settings.port = Port::CONFIGURED;
+    settings
+}
+
+/// That receiver.
+pub fn receiver() -> Receiver {
+    Receiver::new(receiver_settings())
+}
+
+/// Runs a board and meters the time from `from_ns` to `to_ns`, with calls of `functions` watched.
+pub fn metered(
+    firmware: &Firmware,
+    gps: impl Talker + Send + 'static,
+    telem1: impl Talker + Send + 'static,
+    (from_ns, to_ns): (u64, u64),
+    functions: &[&str],
+) -> anyhow::Result<Profile> {
+    let mut board = Builder::new(firmware.clone())
+        .gps(gps)
+        .telem1(telem1)
+        .power_on()?;
+    board.run_to(WorldNanos(from_ns))?;
+    board.start_meter(functions)?;
+    board.run_to(WorldNanos(to_ns))?;
+    Ok(board.stop_meter())
+}
+
+/// Instructions that a board executes from `from_ns` to `to_ns`.
+pub fn executed(
+    firmware: &Firmware,
+    gps: impl Talker + Send + 'static,
+    telem1: impl Talker + Send + 'static,
+    (from_ns, to_ns): (u64, u64),
+) -> anyhow::Result<f64> {
+    let mut board = Builder::new(firmware.clone())
+        .gps(gps)
+        .telem1(telem1)
+        .power_on()?;
+    board.run_to(WorldNanos(from_ns))?;
+    let before = board.instructions()?;
+    board.run_to(WorldNanos(to_ns))?;
+    Ok((board.instructions()? - before) as f64)
+}

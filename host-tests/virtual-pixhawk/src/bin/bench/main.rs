@@ -1,0 +1,73 @@
+//! `cargo xtask bench`: what each job costs on the virtual board, in instructions.
+//!
+//! *Purpose.* Compares the image that is flashed with its budget, and shows what other
+//! projects spend on the same jobs.
+//!
+//! *Design.* Nothing is timed: one instruction is one cycle there, and every run is
+//! the same. Interrupts and functions are metered as they are; what a job costs
+//! beyond them is the difference of two runs that differ in that job alone, with
+//! every wake-up and poll that it causes. The image has two functions more than the
+//! flashed one, readings of the clock, since those are inlined everywhere else.
+//!
+//! *Limits.* No wait states, no stacking of interrupts, no bus contention: metal
+//! takes longer. The other projects' figures were counted on another emulator (QEMU with
+//! `-icount`), in the same unit.
+
+mod board;
+mod jobs;
+mod noise;
+mod table;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Parser;
+use virtual_pixhawk::Firmware;
+
+use noise::Line;
+use table::Row;
+
+/// Instructions of each job, held against the budget.
+#[derive(Parser)]
+struct Bench {
+    /// The image to measure; `cargo xtask bench` builds it and fills this in
+    #[arg(long, value_name = "PATH")]
+    image: PathBuf,
+    /// Print one JSON object instead of the table
+    #[arg(long)]
+    json: bool,
+}
+
+fn main() -> anyhow::Result<ExitCode> {
+    let Bench { image, json } = Bench::parse();
+    let firmware = Firmware::read(&image)?;
+    let (mut rows, byte) = jobs::interrupts_and_readings(&firmware)?;
+    rows.push(jobs::nav_pvt(&firmware)?);
+    rows.extend(jobs::estimators(&firmware)?);
+    rows.push(jobs::ping(&firmware)?);
+    let gps_noise = noise::costs(&firmware, Line::Gps, byte.gps)?;
+    let mavlink_noise = noise::costs(&firmware, Line::Mavlink, byte.mavlink)?;
+    rows.push(noise::worst(
+        "any byte on the GPS line, beyond its interrupt",
+        &gps_noise,
+        60.0,
+        "crate ublox 454",
+    ));
+    rows.push(noise::worst(
+        "any byte on the MAVLink line, beyond its interrupt",
+        &mavlink_noise,
+        80.0,
+        "crate mavlink 1550, C library 70",
+    ));
+    rows.push(jobs::load(&firmware)?);
+    if json {
+        println!("{}", table::to_json(&rows, &gps_noise, &mavlink_noise));
+    } else {
+        table::print(&rows, &gps_noise, &mavlink_noise);
+    }
+    Ok(if rows.iter().all(Row::is_kept) {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    })
+}

@@ -1,0 +1,83 @@
+//! Costs beside their budgets, for people and as JSON.
+
+use serde_json::{Value, json};
+
+/// Costs of noise, by its name.
+pub type NoiseCosts = Vec<(&'static str, f64)>;
+
+/// One job's cost beside its budget.
+pub struct Row {
+    job: &'static str,
+    cost: f64,
+    budget: f64,
+    /// What other projects spend on the same job.
+    peers: &'static str,
+}
+
+impl Row {
+    /// The row of `job`, in instructions unless it names another unit.
+    pub const fn new(job: &'static str, cost: f64, budget: f64, peers: &'static str) -> Self {
+        Self {
+            job,
+            cost,
+            budget,
+            peers,
+        }
+    }
+
+    /// Whether the budget is kept.
+    pub fn is_kept(&self) -> bool {
+        self.cost <= self.budget
+    }
+}
+
+/// Prints the table.
+pub fn print(rows: &[Row], gps_noise: &NoiseCosts, mavlink_noise: &NoiseCosts) {
+    println!(
+        "{:<52} {:>8} {:>7}  others",
+        "instructions on the virtual board", "pixclock", "at most"
+    );
+    for row in rows {
+        let decimals = usize::from(row.budget < 10.0 || row.cost.fract() != 0.0);
+        println!(
+            "{:<52} {:>8.*} {:>7} {}{}",
+            row.job,
+            decimals * 2,
+            row.cost,
+            row.budget,
+            if row.is_kept() { " " } else { "!" },
+            row.peers
+        );
+    }
+    for (line, costs) in [("GPS", gps_noise), ("MAVLink", mavlink_noise)] {
+        println!("\na byte of noise on the {line} line, beyond its interrupt");
+        for (name, cost) in costs {
+            println!("  {name:<50} {cost:>8.2}");
+        }
+    }
+}
+
+/// The table as one object.
+pub fn to_json(rows: &[Row], gps_noise: &NoiseCosts, mavlink_noise: &NoiseCosts) -> Value {
+    let noise = |costs: &NoiseCosts| -> Value {
+        costs
+            .iter()
+            .map(|&(name, cost)| (name.to_owned(), json!(cost)))
+            .collect::<serde_json::Map<_, _>>()
+            .into()
+    };
+    json!({
+        "jobs": rows
+            .iter()
+            .map(|row| json!({
+                "job": row.job,
+                "instructions": row.cost,
+                "budget": row.budget,
+                "kept": row.is_kept(),
+                "others": row.peers,
+            }))
+            .collect::<Vec<_>>(),
+        "gps_noise": noise(gps_noise),
+        "mavlink_noise": noise(mavlink_noise),
+    })
+}

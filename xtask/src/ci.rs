@@ -1,16 +1,22 @@
 //! `ci`: everything that has to hold, in one go.
 //!
-//! *Design.* The quick checks come first. Each step is a command that a person can
-//! give alone; its name and its time are printed.
+//! *Purpose.* The [steps](steps) one after the other, or side by side where they mostly wait; the
+//! first that fails ends it.
+//!
+//! *Design.* A step in turn writes where we do. Of steps side by side, all that one wrote is printed
+//! when it has ended: lines of two steps never mix.
 
+mod checks;
+mod steps;
+
+use std::io::Write as _;
 use std::process::{Command, Stdio};
+use std::thread;
 use std::time::Instant;
 
-use anyhow::{Context, Result, ensure};
-use serde_json::Value;
-use variant::Variant;
+use anyhow::{Context, Result, anyhow, bail, ensure};
 
-use crate::image::{TARGET, cargo, run, target_dir};
+use steps::{Group, Step};
 
 /// Runs every check, and stops at the first that fails.
 ///
@@ -19,144 +25,130 @@ use crate::image::{TARGET, cargo, run, target_dir};
 /// Names the step that failed.
 pub fn run_all() -> Result<()> {
     let started = Instant::now();
-    step("format", cargo().args(["fmt", "--all", "--check"]))?;
-    step("dependency rule", xtask().arg("deps"))?;
-    step(
-        "clippy on the host",
-        cargo()
-            .args(["clippy", "--workspace", "--all-targets", "--locked"])
-            .args(DENY_WARNINGS),
-    )?;
-    for (features, variant) in [
-        ("pixhawk1", Variant::STANDARD),
-        ("pixhawk1,bench", Variant::STANDARD),
-        ("qemu", Variant::STANDARD),
-        ("pixhawk1", Variant::PaperStep1),
-    ] {
-        step(
-            &format!("clippy on the target, {features}, {variant}"),
-            cargo()
-                .args([
-                    "clippy",
-                    "--package",
-                    "firmware",
-                    "--release",
-                    "--target",
-                    TARGET,
-                ])
-                .args(["--no-default-features", "--features", features, "--locked"])
-                .env("PIXCLOCK_VARIANT", variant.name())
-                .args(DENY_WARNINGS),
-        )?;
+    for group in steps::all()? {
+        match group {
+            Group::InTurn(steps) => steps.into_iter().try_for_each(in_turn)?,
+            Group::SideBySide(steps) => side_by_side(steps)?,
+        }
     }
-    step("tests", cargo().args(["test", "--locked"]))?;
-    step(
-        "tests of the tools",
-        cargo().args(["test", "--locked", "--package", "virtual-pixhawk", "--lib"]),
-    )?;
-    step(
-        "docs",
-        cargo()
-            .args(["doc", "--workspace", "--no-deps", "--locked"])
-            .env("RUSTDOCFLAGS", "--deny warnings"),
-    )?;
-    step("bounds", xtask().args(["compare", "--check"]))?;
-    step("size", xtask().arg("size"))?;
-    step("board tests", xtask().arg("board-test"))?;
-    step(
-        "the paper's experiment",
-        xtask()
-            .args(["testbed", "--check", "--duration", "60", "--method"])
-            .arg(JUDGED_WAYS),
-    )?;
-    // As many PINGs as no board may lose one of, and more than the line carries.
-    for rate in ["100", "1000"] {
-        step(
-            &format!("{rate} PINGs a second"),
-            xtask()
-                .args(["testbed", "--check", "--duration", "10"])
-                .args(["--method", "pixclock", "--rate", rate]),
-        )?;
-    }
-    the_same_files_again()?;
-    step("cost", xtask().arg("bench"))?;
-    step("sim", xtask().args(["sim", "--duration", "10"]))?;
-    sim_follows_a_pulse()?;
-    step("qemu", xtask().args(["qemu", "--duration", "10"]))?;
-    step(
-        "qemu in one of the paper's variants",
-        xtask().args(["qemu", "--variant", "paper-step1", "--duration", "10"]),
-    )?;
-    step("ticks on qemu", xtask().arg("qemu-ticks"))?;
-    step("pymavlink", xtask().arg("pymavlink"))?;
     println!("all of it holds, after {} s", started.elapsed().as_secs());
     Ok(())
 }
 
-/// The methods of the testbed that have bounds.
-const JUDGED_WAYS: &str = "paper-default-mixed,paper-step1,paper-step2:50,pixclock,pixclock-pps";
-
-/// Runs a short experiment twice, of methods with one image: its folders have to be the same,
-/// byte for byte.
-fn the_same_files_again() -> Result<()> {
-    let place = target_dir()?.join("same-files");
-    let folders = ["one", "other"].map(|name| place.join(name));
-    for folder in &folders {
-        // Of an earlier call.
-        let _ = std::fs::remove_dir_all(folder);
-        step(
-            "a short experiment",
-            xtask()
-                .args(["testbed", "--duration", "10", "--settle", "10"])
-                .args(["--method", "pixclock,pixclock-pps", "--out"])
-                .arg(folder),
-        )?;
+/// Runs a step that writes where we do.
+fn in_turn(mut step: Step) -> Result<()> {
+    println!("== {}", step.name);
+    if is_skipped(&step)? {
+        return Ok(());
     }
-    let mut compare = Command::new("diff");
-    step(
-        "the same files again",
-        compare.arg("--recursive").args(folders),
-    )
+    let started = Instant::now();
+    let ended = match step.check {
+        None => crate::image::run(&mut step.command),
+        Some(_) => {
+            let Ended { output, result } = captured(&mut step);
+            print(&output);
+            result
+        }
+    };
+    ended.with_context(|| format!("step `{}`", step.name))?;
+    println!("== {}: {} s", step.name, started.elapsed().as_secs());
+    Ok(())
 }
 
-/// Runs a virtual board with a pulse, which has to steer its clock in the end.
-fn sim_follows_a_pulse() -> Result<()> {
-    println!("== sim with a pulse");
-    let output = xtask()
-        .args(["sim", "--pulse", "--duration", "15", "--json"])
-        .stderr(Stdio::inherit())
-        .output()?;
-    let told: Value = serde_json::from_slice(&output.stdout)?;
-    let source = &told["boards"][0]["last_status"]["source"];
+/// Runs all of `steps` at once, to the end of each.
+fn side_by_side(steps: Vec<Step>) -> Result<()> {
+    let names: Vec<_> = steps.iter().map(|step| step.name.as_str()).collect();
+    println!("== side by side: {}", names.join("; "));
+    let failed = thread::scope(|scope| {
+        let mut running = Vec::new();
+        for mut step in steps {
+            if is_skipped(&step)? {
+                continue;
+            }
+            running.push(scope.spawn(move || {
+                let started = Instant::now();
+                let Ended { output, result } = captured(&mut step);
+                let seconds = started.elapsed().as_secs();
+                let verdict = if result.is_ok() { "" } else { ", failed" };
+                let heading = format!("== {}: {seconds} s{verdict}\n", step.name);
+                // In one write, so that no other step's output gets between.
+                print(&[heading.as_bytes(), &output].concat());
+                result.with_context(|| format!("step `{}`", step.name))
+            }));
+        }
+        let ended = running.into_iter().map(|step| {
+            let ended = step.join();
+            ended.unwrap_or_else(|_| bail!("the thread of a step panicked"))
+        });
+        Ok::<_, anyhow::Error>(ended.filter_map(Result::err).collect::<Vec<_>>())
+    })?;
     ensure!(
-        output.status.success() && source == "pulse",
-        "step `sim with a pulse`: {source} steers"
+        failed.is_empty(),
+        "{}",
+        failed
+            .iter()
+            .map(|error| format!("{error:#}"))
+            .collect::<Vec<_>>()
+            .join("\n")
     );
     Ok(())
 }
 
-/// What makes clippy fail on a warning.
-const DENY_WARNINGS: [&str; 3] = ["--", "--deny", "warnings"];
-
-fn xtask() -> Command {
-    let mut cargo = cargo();
-    cargo.args([
-        "run",
-        "--quiet",
-        "--locked",
-        "--package",
-        "xtask",
-        "--bin",
-        "xtask",
-        "--",
-    ]);
-    cargo
+/// Whether `step` needs a program that is not here, which is allowed outside of CI.
+fn is_skipped(step: &Step) -> Result<bool> {
+    let Some(program) = step.needs else {
+        return Ok(false);
+    };
+    let found = Command::new(program)
+        .arg("--version")
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status();
+    if found.is_ok_and(|status| status.success()) {
+        return Ok(false);
+    }
+    ensure!(
+        std::env::var_os("CI").is_none(),
+        "step `{}`: {program} is not on PATH, and CI must not go without it",
+        step.name
+    );
+    println!(
+        "SKIPPED: `{}` needs {program}, which is not on PATH",
+        step.name
+    );
+    Ok(true)
 }
 
-fn step(name: &str, command: &mut Command) -> Result<()> {
-    println!("== {name}");
-    let started = Instant::now();
-    run(command).with_context(|| format!("step `{name}`"))?;
-    println!("== {name}: {} s", started.elapsed().as_secs());
-    Ok(())
+/// All that a command wrote, and whether it is as it should be.
+struct Ended {
+    output: Vec<u8>,
+    result: Result<()>,
+}
+
+/// Runs a step with its output in memory, and puts what it wrote to standard output to its check.
+fn captured(step: &mut Step) -> Ended {
+    let ended = step.command.stdin(Stdio::null()).output();
+    let ended = match ended.with_context(|| format!("cannot start {:?}", step.command)) {
+        Ok(ended) => ended,
+        Err(error) => {
+            return Ended {
+                output: Vec::new(),
+                result: Err(error),
+            };
+        }
+    };
+    let result = match step.check {
+        _ if !ended.status.success() => Err(anyhow!("{:?}: {}", step.command, ended.status)),
+        Some(check) => check(&String::from_utf8_lossy(&ended.stdout)),
+        None => Ok(()),
+    };
+    // What went wrong stands last, where people look.
+    let output = [ended.stdout, ended.stderr].concat();
+    Ended { output, result }
+}
+
+fn print(output: &[u8]) {
+    let mut stdout = std::io::stdout().lock();
+    // If standard output is closed, the exit code still says what became of the step.
+    let _ = stdout.write_all(output).and_then(|()| stdout.flush());
 }

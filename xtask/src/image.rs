@@ -1,9 +1,12 @@
 //! The firmware's images: which variant, built how, found where.
 //!
 //! *Design.* Each variant is built by cargo with its settings in the environment and
-//! then copied to `target/images/`, so that the next variant does not overwrite it.
+//! then copied to `target/images/`, so that the next variant does not overwrite it. A lock keeps
+//! the builds of several verbs at the same time apart, and an image gets its name when it is
+//! complete.
 
 use std::fmt;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -110,6 +113,10 @@ pub fn build(build: Build) -> Result<PathBuf> {
         features.push_str(",bench");
     }
     let Image { variant, gps_baud } = build.image;
+    let folder = folder()?;
+    // All images leave cargo under the same name. Unlocked when it is dropped.
+    let lock = File::create(folder.join("lock"))?;
+    lock.lock()?;
     run(cargo()
         .args(["build", "--quiet", "--release", "--package", "firmware"])
         .args(["--target", TARGET, "--no-default-features"])
@@ -119,10 +126,21 @@ pub fn build(build: Build) -> Result<PathBuf> {
         .env("PIXCLOCK_GPS_BAUD", gps_baud.to_string()))?;
     let target = target_dir()?;
     let built = target.join(TARGET).join("release").join("firmware");
-    let image = folder()?.join(format!("{build}.elf"));
-    std::fs::copy(&built, &image)
+    let image = folder.join(format!("{build}.elf"));
+    keep(&image, &std::fs::read(&built)?)
         .with_context(|| format!("cannot copy {} to {}", built.display(), image.display()))?;
     Ok(image)
+}
+
+/// Makes a file of these bytes, which has its name only when it is complete.
+///
+/// # Errors
+///
+/// When it cannot be written.
+pub fn keep(path: &Path, bytes: &[u8]) -> Result<()> {
+    let unfinished = path.with_extension(format!("{}.tmp", std::process::id()));
+    std::fs::write(&unfinished, bytes)?;
+    Ok(std::fs::rename(&unfinished, path)?)
 }
 
 /// Where images are kept.

@@ -41,13 +41,13 @@ struct CommandLine {
 
 #[derive(clap::Subcommand)]
 enum Verb {
-    /// The main job: a virtual Pixhawk with its receiver, in real time
+    /// Virtual Pixhawks in real time: how far their clocks are off, and apart
     Sim(console::SimOptions),
     /// The same on QEMU, the second opinion
     Qemu(qemu::QemuOptions),
     /// Count the tick's interrupts on QEMU, at all four settings
     QemuTicks,
-    /// RequestKind a node for its time
+    /// Ask nodes for their time, and how far they are apart
     Ping(ping::Options),
     /// Put a recording of a receiver through the parser and the clock
     Replay(replay::Options),
@@ -77,7 +77,7 @@ enum Verb {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         arguments: Vec<String>,
     },
-    /// RequestKind `sim` and `qemu` for their time with pymavlink, in a venv of its own
+    /// Ask `sim` and `qemu` for their time with pymavlink, in a venv of its own
     Pymavlink,
     /// Everything that has to hold
     Ci,

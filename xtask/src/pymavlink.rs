@@ -63,7 +63,8 @@ struct Board(Child);
 impl Board {
     fn start(emulator: &str, port: &str) -> Result<Self> {
         let child = Command::new(std::env::current_exe()?)
-            .args([emulator, "--duration", DURATION_S, "--mavlink-port", port])
+            .args([emulator, "--boards", "1", "--duration", DURATION_S])
+            .args(["--mavlink-port", port])
             .stdout(Stdio::null())
             // With the tool that it starts, for one signal to both, as Ctrl-C gives.
             .process_group(0)

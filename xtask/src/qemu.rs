@@ -212,7 +212,7 @@ fn image_of_board(image: &Path, index: u16) -> Result<(PathBuf, Vec<u8>)> {
     let stem = image.file_stem().context("an image has a name")?;
     let name = format!("{}-system{id}.elf", stem.to_string_lossy());
     let place = image::folder()?.join(name);
-    std::fs::write(&place, &elf).with_context(|| format!("cannot write {}", place.display()))?;
+    image::keep(&place, &elf).with_context(|| format!("cannot write {}", place.display()))?;
     Ok((place, elf))
 }
 

@@ -15,46 +15,54 @@ mod source;
 #[cfg(test)]
 mod tests;
 
+use std::path::Path;
+
 use anyhow::{Context, Result, bail};
+use serde_json::Value;
 
 use crate::image;
 
 /// The page that has the rule.
 const PAGE: &str = "docs/architecture.md";
 
-/// Checks the rule over the whole workspace.
+/// Checks the whole workspace.
 ///
 /// # Errors
 ///
-/// Names every dependency that the rule forbids.
+/// Names every dependency that the rule forbids, and shows each circle of files.
 pub fn check() -> Result<()> {
-    let page = std::fs::read_to_string(image::root().join(PAGE))
-        .with_context(|| format!("cannot read {PAGE}"))?;
-    let packages = rule::packages(&image::metadata()?)?;
-    let broken = rule::violations(&page, &packages);
+    let metadata = image::metadata()?;
+    let root = image::root().canonicalize()?;
+    let mut broken = forbidden_dependencies(&metadata, &root)?;
+    broken.extend(circles_of_files(&metadata, &root)?);
     if !broken.is_empty() {
-        bail!("the table in {PAGE}:\n{}", broken.join("\n"));
+        bail!("{}", broken.join("\n"));
     }
-    let dependencies: usize = packages
-        .iter()
-        .map(|package| package.dependencies.len())
-        .sum();
-    println!(
-        "{} packages, {dependencies} dependencies: as {PAGE} has them",
-        packages.len()
-    );
     Ok(())
 }
 
-/// Checks every crate of the workspace for circles of files.
-///
-/// # Errors
-///
-/// Shows one of the shortest rounds of each circle.
-pub fn check_circles() -> Result<()> {
-    let metadata = image::metadata()?;
-    let base = image::root().canonicalize()?;
-    let mut found = Vec::new();
+fn forbidden_dependencies(metadata: &Value, root: &Path) -> Result<Vec<String>> {
+    let page =
+        std::fs::read_to_string(root.join(PAGE)).with_context(|| format!("cannot read {PAGE}"))?;
+    let packages = rule::packages(metadata)?;
+    let mut broken = rule::violations(&page, &packages);
+    if broken.is_empty() {
+        let dependencies: usize = packages
+            .iter()
+            .map(|package| package.dependencies.len())
+            .sum();
+        println!(
+            "{} packages, {dependencies} dependencies: as {PAGE} has them",
+            packages.len()
+        );
+    } else {
+        broken.push(format!("Only what the table in {PAGE} names is allowed."));
+    }
+    Ok(broken)
+}
+
+fn circles_of_files(metadata: &Value, root: &Path) -> Result<Vec<String>> {
+    let mut circles = Vec::new();
     let mut crates = 0;
     for package in metadata["packages"].as_array().into_iter().flatten() {
         for target in package["targets"].as_array().into_iter().flatten() {
@@ -63,21 +71,17 @@ pub fn check_circles() -> Result<()> {
                 continue;
             }
             crates += 1;
-            let root = target["src_path"].as_str().unwrap_or_default();
-            for circle in circles::of_crate(root.as_ref(), &base)? {
+            let source = target["src_path"].as_str().unwrap_or_default();
+            for circle in circles::of_crate(source.as_ref(), root)? {
                 let name = package["name"].as_str().unwrap_or_default();
-                found.push(format!("{name}: {circle}"));
+                circles.push(format!("{name}: {circle}"));
             }
         }
     }
-    if !found.is_empty() {
-        bail!(
-            "circles of files: {}\n{}\n\
-             Move what one file needs of the other into a file of its own, below both.",
-            found.len(),
-            found.join("\n")
-        );
+    if circles.is_empty() {
+        println!("{crates} crates: no circle of files");
+    } else {
+        circles.push("Move what one file needs of the other into a file below both.".to_owned());
     }
-    println!("{crates} crates: no circle of files");
-    Ok(())
+    Ok(circles)
 }

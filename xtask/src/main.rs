@@ -65,12 +65,8 @@ enum Verb {
         #[arg(long)]
         json: bool,
     },
-    /// Check who depends on whom
-    Deps {
-        /// Look for circles of files instead
-        #[arg(long)]
-        circles: bool,
-    },
+    /// Check who depends on whom: no forbidden dependency, no circle of files
+    Deps,
     /// Run the tests of the flashed image on the virtual board
     BoardTest {
         /// Handed to `cargo test`
@@ -105,8 +101,7 @@ fn run() -> Result<ExitCode> {
         Verb::Testbed(options) => testbed::run(&options, &own_arguments()),
         Verb::Bench(options) => bench::run(&options),
         Verb::Size { json } => done(size::check(json)),
-        Verb::Deps { circles: false } => done(deps::check()),
-        Verb::Deps { circles: true } => done(deps::check_circles()),
+        Verb::Deps => done(deps::check()),
         Verb::BoardTest { arguments } => done(board_test::run(&arguments)),
         Verb::Pymavlink => done(pymavlink::run()),
         Verb::Ci => done(ci::run_all()),

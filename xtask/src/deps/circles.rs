@@ -42,26 +42,21 @@ pub fn of_crate(root: &Path, base: &Path) -> Result<Vec<String>> {
         .into_iter()
         .map(|circle| {
             let mut text = format!("{} files need each other:", circle.files.len());
-            let next = circle.round.iter().cycle().skip(1);
-            for (&from, &to) in circle.round.iter().zip(next) {
+            let next = circle.shortest.iter().cycle().skip(1);
+            for (&from, &to) in circle.shortest.iter().zip(next) {
                 let reason = &needs[&(from, to)];
                 let _ = write!(
                     text,
-                    "\n  {}:{} -> {}  by `{}`",
+                    "\n  {}:{} uses `{}` of {}",
                     shown(from),
                     reason.line,
-                    shown(to),
                     reason.path.join("::"),
+                    shown(to),
                 );
             }
-            if circle.files.len() > circle.round.len() {
-                text.push_str("\n  and in longer rounds");
-                for &file in circle
-                    .files
-                    .iter()
-                    .filter(|file| !circle.round.contains(file))
-                {
-                    let _ = write!(text, " {}", shown(file));
+            for &file in &circle.files {
+                if !circle.shortest.contains(&file) {
+                    let _ = write!(text, "\n  {} is in a longer circle", shown(file));
                 }
             }
             text

@@ -15,8 +15,8 @@ pub struct Graph {
 pub struct Circle {
     /// All of them.
     pub files: Vec<FileId>,
-    /// One of the shortest ways round: each needs the next, the last the first.
-    pub round: Vec<FileId>,
+    /// One of the shortest circles among them: each needs the next, the last the first.
+    pub shortest: Vec<FileId>,
 }
 
 impl Graph {
@@ -38,31 +38,31 @@ impl Graph {
                 .into_keys()
                 .filter(|&other| self.reached_from(other).contains_key(&file))
                 .collect();
-            let round = files
+            let shortest = files
                 .iter()
-                .map(|&file| self.round(file))
+                .map(|&file| self.shortest_from(file))
                 .min_by_key(Vec::len);
-            if let Some(round) = round {
-                circles.push(Circle { files, round });
+            if let Some(shortest) = shortest {
+                circles.push(Circle { files, shortest });
             }
         }
         circles
     }
 
     /// The shortest way from `file` back to it, which has to exist.
-    fn round(&self, file: FileId) -> Vec<FileId> {
+    fn shortest_from(&self, file: FileId) -> Vec<FileId> {
         let before = self.reached_from(file);
-        let mut round = Vec::new();
+        let mut way = Vec::new();
         let mut at = file;
         while let Some(&previous) = before.get(&at) {
-            round.push(previous);
+            way.push(previous);
             at = previous;
             if at == file {
                 break;
             }
         }
-        round.reverse();
-        round
+        way.reverse();
+        way
     }
 
     /// Each file that `start` needs, through others too, and the one before it on a

@@ -38,8 +38,8 @@ fn two_files_that_name_each_other_are_a_circle() {
     assert_eq!(
         found,
         "2 files need each other:\n  \
-         a.rs:1 -> b.rs  by `crate::b::B`\n  \
-         b.rs:3 -> a.rs  by `crate::a::A`"
+         a.rs:1 uses `crate::b::B` of b.rs\n  \
+         b.rs:3 uses `crate::a::A` of a.rs"
     );
 }
 
@@ -61,7 +61,7 @@ fn a_circle_does_not_hide_behind_a_re_export() {
     ]);
     assert!(found.starts_with("2 files"), "{found}");
     assert!(
-        found.contains("discipline.rs:2 -> clock.rs  by `crate::Settings`"),
+        found.contains("discipline.rs:2 uses `crate::Settings` of clock.rs"),
         "{found}"
     );
 }
@@ -78,7 +78,7 @@ fn nor_behind_several_under_other_names() {
         ("b.rs", "pub struct B;\nfn f(_: crate::Entry) {}"),
     ]);
     assert!(
-        found.contains("b.rs:2 -> a.rs  by `crate::Entry`"),
+        found.contains("b.rs:2 uses `crate::Entry` of a.rs"),
         "{found}"
     );
     assert!(!found.contains("door"), "{found}");
@@ -93,7 +93,7 @@ fn nor_behind_globs() {
         ("b.rs", "pub struct B;\nfn f() -> Option<crate::A> { None }"),
     ]);
     assert!(found.starts_with("2 files"), "{found}");
-    assert!(found.contains("a.rs:2 -> b.rs  by `B`"), "{found}");
+    assert!(found.contains("a.rs:2 uses `B` of b.rs"), "{found}");
 }
 
 #[test]
@@ -222,13 +222,13 @@ fn a_file_that_an_attribute_names_is_read() {
         ),
     ]);
     assert!(
-        found.contains("src/boards/y.rs:1 -> src/elsewhere.rs"),
+        found.contains("src/boards/y.rs:1 uses `crate::b::B` of src/elsewhere.rs"),
         "{found}"
     );
 }
 
 #[test]
-fn each_circle_is_shown_by_its_shortest_round() {
+fn files_in_several_circles_are_shown_by_a_shortest_one() {
     let found = circles(&[
         ("lib.rs", "mod a;\nmod b;\nmod c;\nmod d;\nmod e;\nmod f;"),
         ("a.rs", "pub struct A(crate::b::B);"),
@@ -242,12 +242,12 @@ fn each_circle_is_shown_by_its_shortest_round() {
         found,
         [
             "3 files need each other:\n  \
-             b.rs:1 -> c.rs  by `crate::c::C`\n  \
-             c.rs:1 -> b.rs  by `crate::b::B`\n  \
-             and in longer rounds a.rs",
+             b.rs:1 uses `crate::c::C` of c.rs\n  \
+             c.rs:1 uses `crate::b::B` of b.rs\n  \
+             a.rs is in a longer circle",
             "2 files need each other:\n  \
-             d.rs:1 -> e.rs  by `crate::e::E`\n  \
-             e.rs:1 -> d.rs  by `crate::d::D`",
+             d.rs:1 uses `crate::e::E` of e.rs\n  \
+             e.rs:1 uses `crate::d::D` of d.rs",
         ]
     );
 }

@@ -1,8 +1,8 @@
-//! Build settings, and the linker's part.
+//! Build settings, and the linker's arguments.
 //!
-//! Settings come from the environment, so that one command builds one variant:
-//! `PIXCLOCK_TICK_US=200 cargo build -p firmware …`. What is not allowed is refused here
-//! with the list of what is.
+//! *Design.* Settings come from the environment, so that one command builds one image:
+//! `PIXCLOCK_TICK_US=200 cargo build -p firmware …`. What the crate `variant` does not allow is refused
+//! with the list of what it does.
 
 use std::fmt::Write as _;
 use std::ops::RangeInclusive;
@@ -19,6 +19,15 @@ const RENAMED: [(&str, &str); 1] = [("PIXCLOCK_WAY", "PIXCLOCK_VARIANT")];
 
 fn main() {
     refuse_old_names();
+    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
+    fs::write(out.join("settings.rs"), settings()).expect("OUT_DIR can be written");
+    if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("none") {
+        link();
+    }
+}
+
+/// The constants of `settings.rs`.
+fn settings() -> String {
     let mut settings = String::new();
     let name = choice(
         "PIXCLOCK_VARIANT",
@@ -80,19 +89,14 @@ fn main() {
         "From a solution's epoch to its message's first byte (`PIXCLOCK_LATENCY_US`). [ns]",
         &format!("LATENCY_NS: u32 = {}", latency_us * 1_000),
     );
-    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    fs::write(out.join("settings.rs"), settings).expect("OUT_DIR can be written");
-
-    if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("none") {
-        link();
-    }
+    settings
 }
 
-/// An old name would otherwise be ignored without a word.
+/// An old name would otherwise be ignored, and the image would be another one than was meant.
 fn refuse_old_names() {
     for (old, new) in RENAMED {
         println!("cargo:rerun-if-env-changed={old}");
-        assert!(env::var_os(old).is_none(), "{old} is {new} now");
+        assert!(env::var_os(old).is_none(), "{old} has the name {new} now");
     }
 }
 

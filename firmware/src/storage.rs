@@ -1,8 +1,9 @@
-//! Thread level: the log of a test goes to the SD card, when it is asked for.
+//! Thread level: the log of a test goes to the SD card, at the end of the test.
 //!
-//! *Design.* What may block does so below every interrupt. The card is found anew each time, so it may
-//! have been put in a moment ago; what is on it is [`card_file`]'s business. Whatever happens to it, the
-//! log stays in memory, and asking again tries again. The file's time is our clock's, in UTC.
+//! *Design.* This may block, so it stands below every interrupt. The card is searched for at each use,
+//! so it may have been put in a moment before; its contents are the business of [`card_file`]. If the
+//! card fails in any way, the log stays in memory, and the same command tries again. The file's time is
+//! the clock's, in UTC.
 
 use card_file::{BLOCK, Disk, DiskError};
 use sample_log::csv;
@@ -47,7 +48,7 @@ pub fn run(mut slot: Option<Card>) -> ! {
     }
 }
 
-/// Writes the log to whatever card is there; the number of the file, and its samples.
+/// Writes the log to the card in the slot, and returns the number of the file and its samples.
 #[inline(never)]
 fn save(card: &mut Card) -> Result<(u16, u32), NotSaved> {
     let samples = SAMPLES.len();
@@ -63,7 +64,7 @@ fn save(card: &mut Card) -> Result<(u16, u32), NotSaved> {
     saved
 }
 
-/// A stretch of the log's file; nothing, once a new test has begun.
+/// Makes a piece of the log's file; of no length once a new test has begun.
 #[inline(never)]
 fn read_frozen(offset: u32, out: &mut [u8]) -> usize {
     let made = SAMPLES.read(offset, out);

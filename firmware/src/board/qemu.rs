@@ -1,7 +1,7 @@
 //! QEMU's `netduinoplus2`: an STM32F405 with SysTick at 168 MHz.
 //!
-//! *Limits.* RCC.CR always reads 0, so no code may wait for an oscillator: the HAL is told that the
-//! chip stays on HSI. Timers count virtual time at 1 GHz. The host may stop the machine between any
+//! *Limits.* RCC.CR always reads 0, so no code may wait for an oscillator: for the HAL
+//! the chip stays on HSI. Timers count virtual time at 1 GHz. The host may stop the machine between any
 //! two instructions.
 
 use stm32f4xx_hal::rcc::{Config, Rcc};

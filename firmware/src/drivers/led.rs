@@ -25,7 +25,8 @@ impl Led {
     }
 }
 
-/// Changes the LED at each call of the function that it returns, whatever state the board is in.
+/// Takes the LED from its task, in any state of the board: the function that it returns changes the LED
+/// at each call.
 ///
 /// # Safety
 ///

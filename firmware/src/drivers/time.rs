@@ -55,7 +55,7 @@ impl CounterPair for Registers {
 
     #[inline(always)]
     fn read_witness(&self) -> u32 {
-        // SAFETY: reading the count has no side effect, whoever owns the timer.
+        // SAFETY: reading the count has no side effect on its owner.
         unsafe { (*TIM5::ptr()).cnt().read().bits() }
     }
 

@@ -1,6 +1,6 @@
 //! The GNSS task in the paper's variants: PX4 1.9's poll, sleep, read, parse, set the clock.
 //!
-//! *Purpose.* What the paper's boards did with the receiver's bytes, on the same board as ours.
+//! *Purpose.* What the paper's boards did with the receiver's bytes, on the same board as pixclock.
 //!
 //! *Design.* `pollOrRead` of PX4's `src/drivers/gps/gps.cpp`: once there are bytes, the task sleeps as
 //! [`Wait`] says, in whole ticks, and reads what is there by then. Each NAV-PVT in it sets the clock as

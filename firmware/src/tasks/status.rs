@@ -1,12 +1,11 @@
 //! The status line: once a second, everything that was counted, into the log.
 //!
-//! *Design.* Pairs of `key=value` after the word `status`, so that people and
-//! programs read the same line. What stays 0 for most of a board's life is left
-//! out while it is 0.
+//! *Design.* Pairs of `key=value` after the word `status`, so that people and programs read the same
+//! line. Counters that commonly stay 0 are left out while they are 0.
 //!
-//! *Limits.* A line is one frame of the log, and that masks interrupts for as long as it is
-//! written: each byte of it counts, and all of it ought to be shorter than the shortest tick. Under
-//! the pulse, with its counters, it is not: up to 61 µs were seen (`docs/timing.md`).
+//! *Limits.* A line is one frame of the log, and interrupts are masked while that is written: each byte
+//! of it counts, and all of it should take less than the shortest tick. With the pulse and its
+//! counters it takes more: up to 61 µs were measured (`docs/timing.md`).
 
 use defmt::{Format, Formatter};
 use embassy_time::{Duration, Ticker};
@@ -53,7 +52,7 @@ fn log() {
     );
 }
 
-/// Writes ` name=count` for each field that has counted something.
+/// Writes ` name=count` for each field that is not 0.
 macro_rules! nonzero {
     ($f:ident, $counters:expr, $prefix:literal: $($field:ident),+) => {
         let counters = $counters;
@@ -61,7 +60,7 @@ macro_rules! nonzero {
     };
 }
 
-/// Writes ` name=count` if it has counted something. Not inlined: there are dozens.
+/// Writes ` name=count` if it is not 0. Not inlined, because there are dozens of calls.
 #[inline(never)]
 fn count(f: Formatter, name: &str, count: u32) {
     if count != 0 {
@@ -121,7 +120,7 @@ impl Format for Slot {
     }
 }
 
-/// The time in the calendar; `-` while the clock does not know it.
+/// The time in the calendar; `-` while the clock is unset.
 struct Utc(Reading);
 
 impl Format for Utc {

@@ -16,7 +16,7 @@ use utc_clock::{CalendarError, Counters, Reading, Source, UtcNanos};
 /// PX4's `GPS_EPOCH_SECS`, 2009-02-13T23:31:30Z: it sets no clock to this or before.
 const EARLIEST: UtcNanos = UtcNanos(1_234_567_890_000_000_000);
 
-/// The clock that each mark sets anew.
+/// The clock that each mark sets.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PaperClock {
     base: BaseTime,

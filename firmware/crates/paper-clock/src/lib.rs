@@ -8,7 +8,7 @@
 //!
 //! * [`Wait`]: how long PX4 sleeps between the first bytes of a message and its read;
 //! * [`wakes_at`]: how long such a sleep is on NuttX, in whole ticks;
-//! * [`PaperClock`]: the clock that every NAV-PVT sets anew, with [`BaseTime`] for its readers.
+//! * [`PaperClock`]: the clock that every NAV-PVT sets, with [`BaseTime`] for its readers.
 //!
 //! ```
 //! use paper_clock::{Outcome, PaperClock, Wait, wakes_at};

@@ -59,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn the_papers_wait_is_the_same_whatever_is_there() {
+    fn the_papers_wait_does_not_depend_on_what_is_there() {
         for there in [1, 31, 32, 150] {
             assert_eq!(Wait::Constant.before_read(there), Some(5_000));
         }

@@ -17,7 +17,7 @@
 //! assert_eq!(variant.gps_bauds(), [115_200, 38_400]);
 //! assert!("paper-step2:1000".parse::<Variant>().is_err());
 //!
-//! // What a board says of itself in PC_VARIANT, PC_TICK_US and PC_GPS_BAUD.
+//! // What a board reports in PC_VARIANT, PC_TICK_US and PC_GPS_BAUD.
 //! let image = Image { variant, gps_baud: 38_400 };
 //! assert_eq!(Image::from_parameters(3, 200, 38_400), Some(image));
 //! assert_eq!(Image::from_parameters(3, 1_000, 38_400), None);

@@ -11,7 +11,7 @@ const PAPER_BAUDS: [u32; 2] = [DEFAULT_BAUD, 38_400];
 /// The baud rate unless another one is asked for. [Bd]
 pub(crate) const DEFAULT_BAUD: u32 = 115_200;
 
-/// The greatest latency that pixclock can be told of its receiver. [µs]
+/// The greatest latency of a receiver that pixclock can correct. [µs]
 const MAX_LATENCY_US: u32 = 500_000;
 
 /// How the clock is kept.

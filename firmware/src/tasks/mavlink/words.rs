@@ -11,7 +11,7 @@ use crate::not_saved::NotSaved;
 
 type Text = String<50>;
 
-/// How severe an event is, and what is said of it.
+/// The severity of an event, and its text.
 pub fn statustext(event: ClockEvent) -> (Severity, Text) {
     let mut text = Text::new();
     let (severity, before, number, behind) = match event {

@@ -55,11 +55,14 @@ struct Gnss {
 
 impl Gnss {
     fn new(line: (Reader, Writer), pulse: Pulse) -> Self {
+        let Some(writer) = CLOCK.take_writer() else {
+            defmt::panic!("the clock has a writer already");
+        };
         let settings = Settings::DEFAULT.with_latency_ns(settings::LATENCY_NS);
         Self {
             receiver: Receiver::new(line),
             pulse,
-            clock: UtcClock::new(settings, defmt::unwrap!(CLOCK.take_writer())),
+            clock: UtcClock::new(settings, writer),
             edge: None,
             source: Source::Nothing,
         }

@@ -107,8 +107,7 @@ pub fn all() -> Result<Vec<Group>> {
 fn rules() -> Vec<Step> {
     vec![
         Step::cargo("format", &["fmt", "--all", "--check"]),
-        Step::xtask("dependency rule", &["deps"]),
-        Step::xtask("circles of files", &["deps", "--circles"]),
+        Step::xtask("dependencies and circles", &["deps"]),
         Step::cargo(
             "licences, sources, bans",
             &["deny", "check", "bans", "licenses", "sources"],

@@ -1,41 +1,36 @@
 //! Which requests a node answers, with which time, and which it ignores.
 //!
-//! *Purpose.* The rules of PING, TIMESYNC, commands and of broadcasts,
-//! on frames of other people's software.
+//! *Purpose.* The rules of PING, TIMESYNC and of broadcasts, on frames of other people's software.
 //!
 //! *Design.* Requests are built without the crate; answers are compared with
 //! frames built without it, or understood by the crate's own client.
 //!
-//! *Limits.* Tests, parameters and the log: `mavlink_log.rs`. Sockets and times of flight: `cargo xtask ping`, `pymavlink/`.
+//! *Limits.* Commands, parameters and the log have files of their own. Sockets and times of flight:
+//! `cargo xtask ping`, `pymavlink/`.
 
 mod mavlink_frames;
 mod mavlink_line;
 
 use mavlink_frames::{Frame, SIGNED};
-use mavlink_line::{BYTE, GROUND, ask, feed, parsed};
+use mavlink_line::{BYTE, GROUND, TIME, ask, feed, node, parsed};
 use mavlink_node::client::{Client, Message};
-use mavlink_node::{
-    Command, Config, Fix, Node, NodeTime, PingReply, Refusal, RequestKind, Severity, Version,
-};
+use mavlink_node::{Config, Fix, Node, NodeTime, PingReply, RequestKind, Severity, Version};
 use proptest::prelude::*;
 use timebase::{Cycles, StampedByte};
 
 const IDLE: u64 = Node::IDLE;
 
-/// 2026-11-22 04:00:00.123456789 UTC, 90 s after boot.
-const TIME: NodeTime = NodeTime {
-    boot_us: 90_000_001,
-    utc_ns: Some(1_795_320_000_123_456_789),
-};
+/// [`TIME`] in µs of UTC.
 const UTC_US: u64 = 1_795_320_000_123_456;
+
+/// The same moment on a board whose clock was never set.
 const UNSET: NodeTime = NodeTime {
     boot_us: 90_000_001,
     utc_ns: None,
 };
+
+/// The node's system and component.
 const OURS: [u8; 2] = [1, 1];
-fn node() -> Node {
-    Node::new(Config::default())
-}
 
 fn hex(digits: &str) -> Vec<u8> {
     (0..digits.len() / 2)
@@ -264,58 +259,6 @@ fn timesync_of_and_for_others_is_left_alone() {
 }
 
 #[test]
-fn commands_to_us_are_refused_whatever_their_number() {
-    // REQUEST_MESSAGE, REQUEST_AUTOPILOT_CAPABILITIES, and numbers that are not assigned.
-    for number in [512, 520, 0, 6, 49_999, u16::MAX] {
-        for frame in [
-            Frame::command_long(false, number, OURS),
-            Frame::command_long(true, number, OURS),
-            Frame::command_int(false, number, OURS),
-            Frame::command_int(true, number, OURS),
-            Frame::command_long(true, number, [1, 0]),
-        ] {
-            let mut node = node();
-            let request = ask(&mut node, &frame.bytes());
-            assert_eq!(
-                request.kind,
-                RequestKind::Command(Command {
-                    number,
-                    meaning: Err(Refusal::Unsupported)
-                })
-            );
-            // COMMAND_ACK: number, MAV_RESULT_UNSUPPORTED; extensions progress,
-            // result_param2, target.
-            let mut payload = number.to_le_bytes().to_vec();
-            payload.push(3);
-            if frame.v2 {
-                payload.extend([0, 0, 0, 0, 0, 255, 190]);
-            }
-            let expected = Frame {
-                system: 1,
-                component: 1,
-                ..Frame::message(frame.v2, 77, 143, payload)
-            };
-            assert_eq!(*node.answer(&request, TIME), expected.bytes());
-        }
-    }
-}
-
-#[test]
-fn commands_to_others_and_to_all_are_ignored() {
-    let mut node = node();
-    for target in [[2, 1], [1, 2], [0, 0], [0, 1]] {
-        for frame in [
-            Frame::command_long(false, 512, target),
-            Frame::command_int(true, 512, target),
-        ] {
-            assert_eq!(feed(&mut node, 0, &frame.bytes()), []);
-        }
-    }
-    assert_eq!(node.counters().commands, 0);
-    assert_eq!(node.counters().for_others, 8);
-}
-
-#[test]
 fn a_signed_request_is_answered_unsigned() {
     let mut node = node();
     let signed = Frame {
@@ -365,33 +308,47 @@ fn broadcasts_follow_the_version_that_is_spoken() {
     );
 }
 
+/// A node on a line of that version.
+fn node_on(v2: bool) -> Node {
+    let mut node = node();
+    if v2 {
+        ask(&mut node, &Frame::ping(true, 1, 0).bytes());
+    }
+    node
+}
+
+/// A frame of the node, built without it.
+fn sent(v2: bool, sequence: u8, (id, extra): (u32, u8), payload: Vec<u8>) -> Vec<u8> {
+    let (system, component) = (1, 1);
+    Frame {
+        sequence,
+        system,
+        component,
+        ..Frame::message(v2, id, extra, payload)
+    }
+    .bytes()
+}
+
 #[test]
-fn broadcasts_are_right_to_the_byte() {
+fn heartbeat_and_system_time_have_the_state_of_the_clock() {
     for v2 in [false, true] {
-        let mut node = node();
-        if v2 {
-            ask(&mut node, &Frame::ping(true, 1, 0).bytes());
-        }
-        let frame = |sequence, id, extra, payload: Vec<u8>| {
-            let (system, component) = (1, 1);
-            Frame {
-                sequence,
-                system,
-                component,
-                ..Frame::message(v2, id, extra, payload)
-            }
-            .bytes()
-        };
+        let mut node = node_on(v2);
         // GENERIC, GENERIC; MAV_STATE_BOOT, then ACTIVE; version 3.
-        let booting = frame(0, 0, 50, vec![0, 0, 0, 0, 0, 0, 0, 1, 3]);
-        let active = frame(1, 0, 50, vec![0, 0, 0, 0, 0, 0, 0, 4, 3]);
+        let booting = sent(v2, 0, (0, 50), vec![0, 0, 0, 0, 0, 0, 0, 1, 3]);
+        let active = sent(v2, 1, (0, 50), vec![0, 0, 0, 0, 0, 0, 0, 4, 3]);
         assert_eq!(*node.heartbeat(UNSET), booting);
         assert_eq!(*node.heartbeat(TIME), active);
 
         let time = |unix_us: u64| [&unix_us.to_le_bytes()[..], &90_000_u32.to_le_bytes()].concat();
-        assert_eq!(*node.system_time(UNSET), frame(2, 2, 137, time(0)));
-        assert_eq!(*node.system_time(TIME), frame(3, 2, 137, time(UTC_US)));
+        assert_eq!(*node.system_time(UNSET), sent(v2, 2, (2, 137), time(0)));
+        assert_eq!(*node.system_time(TIME), sent(v2, 3, (2, 137), time(UTC_US)));
+    }
+}
 
+#[test]
+fn gps_raw_int_has_the_fix_in_its_units() {
+    for v2 in [false, true] {
+        let mut node = node_on(v2);
         let fix = Fix {
             fix_type: 3,
             fix_ok: true,
@@ -402,29 +359,36 @@ fn broadcasts_are_right_to_the_byte() {
             heading_1e5_deg: 35_999_999,
             satellites: 17,
             horizontal_accuracy_mm: 1_200,
-            vertical_accuracy_mm: 0,
+            vertical_accuracy_mm: 2_300,
         };
         let mut payload = UTC_US.to_le_bytes().to_vec();
         payload.extend(473_977_420_i32.to_le_bytes());
         payload.extend(85_455_940_i32.to_le_bytes());
         payload.extend(488_100_i32.to_le_bytes());
+        // No dilutions, 12 cm/s, 359.99 degrees, 3D, 17 satellites.
         payload.extend([0xff, 0xff, 0xff, 0xff, 12, 0, 0x9f, 0x8c, 3, 17]);
         if v2 {
+            // No height above the ellipsoid.
             payload.extend([0; 4]);
             payload.extend(1_200_u32.to_le_bytes());
+            payload.extend(2_300_u32.to_le_bytes());
         }
         assert_eq!(
             *node.gps_raw_int(TIME, Some(&fix)),
-            frame(4, 24, 24, payload)
+            sent(v2, 0, (24, 24), payload)
         );
+    }
+}
 
+#[test]
+fn statustext_has_the_first_50_bytes() {
+    for v2 in [false, true] {
+        let mut node = node_on(v2);
         let mut payload = vec![4];
         payload.extend(b"clock set");
         payload.resize(51, 0);
-        assert_eq!(
-            *node.statustext(Severity::Warning, "clock set"),
-            frame(5, 253, 83, payload)
-        );
+        let warning = node.statustext(Severity::Warning, "clock set");
+        assert_eq!(*warning, sent(v2, 0, (253, 83), payload));
         let long = node.statustext(Severity::Info, &"x".repeat(200));
         assert_eq!(long.len(), if v2 { 63 } else { 59 });
     }
@@ -433,7 +397,7 @@ fn broadcasts_are_right_to_the_byte() {
 #[test]
 fn a_fix_is_sent_as_its_receiver_claims_it() {
     let mut node = node();
-    let mut sent = |fix: Option<Fix>| match parsed(&node.gps_raw_int(TIME, fix.as_ref())) {
+    let mut fix_type_of = |fix: Option<Fix>| match parsed(&node.gps_raw_int(TIME, fix.as_ref())) {
         Some(Message::Fix { fix_type }) => fix_type,
         other => panic!("{other:?}"),
     };
@@ -445,10 +409,10 @@ fn a_fix_is_sent_as_its_receiver_claims_it() {
                 fix_ok,
                 ..Fix::default()
             };
-            assert_eq!(sent(Some(fix)), expected, "{fix:?}");
+            assert_eq!(fix_type_of(Some(fix)), expected, "{fix:?}");
         }
     }
-    assert_eq!(sent(None), 0, "no receiver");
+    assert_eq!(fix_type_of(None), 0, "no receiver");
     // Speeds and headings that the message cannot hold are unknown.
     for (ground_speed_mm_s, heading_1e5_deg) in [(-20, -2_000), (i32::MAX, i32::MAX)] {
         let fix = Fix {

@@ -1,4 +1,4 @@
-//! A node on a line at 115200 baud, and the messages on it.
+//! A node on a line at 115200 baud, the board behind it, and the messages between.
 
 #![allow(
     dead_code,
@@ -7,13 +7,27 @@
 )]
 
 use mavlink_node::client::{Client, Message};
-use mavlink_node::{Address, Node, Request, Version};
+use mavlink_node::{
+    Address, Config, LogFile, Node, NodeTime, Parameter, Parameters, Request, Version,
+};
 use timebase::{Cycles, Stamp, StampedByte};
 
 /// The client.
 pub const GROUND: Address = Address {
     system: 255,
     component: 190,
+};
+
+/// The node's address.
+pub const US: Address = Address {
+    system: 1,
+    component: 1,
+};
+
+/// 2026-11-22 04:00:00.123456789 UTC, 90 s after boot.
+pub const TIME: NodeTime = NodeTime {
+    boot_us: 90_000_001,
+    utc_ns: Some(1_795_320_000_123_456_789),
 };
 
 /// Cycles from a byte to the next at 115200 baud.
@@ -46,4 +60,57 @@ pub fn parsed(frame: &[u8]) -> Option<Message> {
         .iter()
         .filter_map(|&byte| client.push(StampedByte { stamp, byte }));
     received.next().map(|received| received.message)
+}
+
+/// A log of these bytes, and parameters whose value is their index and a half.
+pub struct Board(pub Vec<u8>);
+
+impl Board {
+    /// A log of `len` bytes.
+    pub fn of(len: usize) -> Self {
+        Self((0..len).map(|n| (n % 251) as u8).collect())
+    }
+}
+
+impl Parameters for Board {
+    fn parameter(&self, parameter: Parameter) -> f32 {
+        f32::from(parameter.index()) + 0.5
+    }
+}
+
+impl LogFile for Board {
+    fn log_len(&self) -> u32 {
+        self.0.len() as u32
+    }
+
+    fn log_began_ns(&self) -> Option<i64> {
+        TIME.utc_ns
+    }
+
+    fn read_log(&self, offset: u32, out: &mut [u8]) -> usize {
+        let rest = self.0.get(offset as usize..).unwrap_or_default();
+        let count = out.len().min(rest.len());
+        out[..count].copy_from_slice(&rest[..count]);
+        count
+    }
+}
+
+/// A node, system 1, component 1.
+pub fn node() -> Node {
+    Node::new(Config::default())
+}
+
+/// Every message that the node has to send.
+pub fn polled(node: &mut Node, board: &Board) -> Vec<Message> {
+    let frames = std::iter::from_fn(|| node.poll(board));
+    let messages = frames.map(|frame| parsed(&frame).expect("a frame that a client understands"));
+    // More than any log here takes.
+    let messages: Vec<_> = messages.take(5_000).collect();
+    assert!(!node.has_more());
+    messages
+}
+
+/// Sends requests that are noted and not handed out.
+pub fn note(node: &mut Node, bytes: &[u8]) {
+    assert_eq!(feed(node, 0, bytes), []);
 }

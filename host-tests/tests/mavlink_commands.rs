@@ -1,0 +1,141 @@
+//! The commands that a node obeys, and those that it refuses or ignores.
+//!
+//! *Design.* Requests are built without the crate or by its client; answers are compared with
+//! frames built without it, or understood by the client.
+
+mod mavlink_frames;
+mod mavlink_line;
+
+use mavlink_frames::Frame;
+use mavlink_line::{GROUND, TIME, US, ask, feed, node, parsed};
+use mavlink_node::client::{Client, Message};
+use mavlink_node::{Command, Refusal, RequestKind, Test, Version};
+
+const OURS: [u8; 2] = [1, 1];
+
+/// MAV_CMD_USER_1.
+const USER_1: u16 = 31_010;
+
+/// A COMMAND_LONG or COMMAND_INT with a first parameter, then zeros.
+fn command(long: bool, v2: bool, number: u16, param1: f32) -> Frame {
+    let frame = if long {
+        Frame::command_long(v2, number, [1, 1])
+    } else {
+        Frame::command_int(v2, number, [1, 1])
+    };
+    let mut payload = frame.payload.clone();
+    payload[..4].copy_from_slice(&param1.to_le_bytes());
+    Frame { payload, ..frame }
+}
+
+#[test]
+fn a_test_begins_and_ends_by_command() {
+    for (param1, meaning, result) in [
+        (0.0, Ok(Test::Begins), 0),
+        (-0.0, Ok(Test::Begins), 0),
+        (1.0, Ok(Test::Ends), 0),
+        (2.0, Err(Refusal::Denied), 2),
+        (-1.0, Err(Refusal::Denied), 2),
+        (0.5, Err(Refusal::Denied), 2),
+        (f32::NAN, Err(Refusal::Denied), 2),
+        (f32::INFINITY, Err(Refusal::Denied), 2),
+    ] {
+        for (long, v2) in [(true, false), (true, true), (false, false), (false, true)] {
+            let mut node = node();
+            let request = ask(&mut node, &command(long, v2, USER_1, param1).bytes());
+            let number = USER_1;
+            assert_eq!(
+                request.kind,
+                RequestKind::Command(Command { number, meaning })
+            );
+            let mut payload = USER_1.to_le_bytes().to_vec();
+            payload.push(result);
+            if v2 {
+                payload.extend([0, 0, 0, 0, 0, 255, 190]);
+            }
+            let expected = Frame {
+                system: 1,
+                component: 1,
+                ..Frame::message(v2, 77, 143, payload)
+            };
+            assert_eq!(*node.answer(&request, TIME), expected.bytes());
+            assert_eq!(node.counters().commands, 1);
+        }
+    }
+}
+
+#[test]
+fn the_clients_commands_are_obeyed() {
+    for version in [Version::V1, Version::V2] {
+        let mut client = Client::new(GROUND, version);
+        let mut node = node();
+        for test in [Test::Begins, Test::Ends] {
+            let request = ask(&mut node, &client.test(US, test));
+            let meaning = Ok(test);
+            let number = USER_1;
+            assert_eq!(
+                request.kind,
+                RequestKind::Command(Command { number, meaning })
+            );
+            assert_eq!(
+                parsed(&node.answer(&request, TIME)),
+                Some(Message::CommandAck {
+                    command: USER_1,
+                    result: Message::ACCEPTED
+                })
+            );
+        }
+    }
+}
+
+#[test]
+fn commands_to_us_are_refused_whatever_their_number() {
+    // REQUEST_MESSAGE, REQUEST_AUTOPILOT_CAPABILITIES, and numbers that are not assigned.
+    for number in [512, 520, 0, 6, 49_999, u16::MAX] {
+        for frame in [
+            Frame::command_long(false, number, OURS),
+            Frame::command_long(true, number, OURS),
+            Frame::command_int(false, number, OURS),
+            Frame::command_int(true, number, OURS),
+            Frame::command_long(true, number, [1, 0]),
+        ] {
+            let mut node = node();
+            let request = ask(&mut node, &frame.bytes());
+            assert_eq!(
+                request.kind,
+                RequestKind::Command(Command {
+                    number,
+                    meaning: Err(Refusal::Unsupported)
+                })
+            );
+            // COMMAND_ACK: number, MAV_RESULT_UNSUPPORTED; extensions progress,
+            // result_param2, target.
+            let mut payload = number.to_le_bytes().to_vec();
+            payload.push(3);
+            if frame.v2 {
+                payload.extend([0, 0, 0, 0, 0, 255, 190]);
+            }
+            let expected = Frame {
+                system: 1,
+                component: 1,
+                ..Frame::message(frame.v2, 77, 143, payload)
+            };
+            assert_eq!(*node.answer(&request, TIME), expected.bytes());
+        }
+    }
+}
+
+#[test]
+fn commands_to_others_and_to_all_are_ignored() {
+    let mut node = node();
+    for target in [[2, 1], [1, 2], [0, 0], [0, 1]] {
+        for frame in [
+            Frame::command_long(false, 512, target),
+            Frame::command_int(true, 512, target),
+        ] {
+            assert_eq!(feed(&mut node, 0, &frame.bytes()), []);
+        }
+    }
+    assert_eq!(node.counters().commands, 0);
+    assert_eq!(node.counters().for_others, 8);
+}

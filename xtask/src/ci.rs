@@ -149,6 +149,6 @@ fn captured(step: &mut Step) -> Ended {
 
 fn print(output: &[u8]) {
     let mut stdout = std::io::stdout().lock();
-    // If standard output is closed, the exit code still says what became of the step.
+    // If standard output is closed, the exit code still shows what became of the step.
     let _ = stdout.write_all(output).and_then(|()| stdout.flush());
 }

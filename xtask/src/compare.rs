@@ -6,9 +6,10 @@
 //! *Design.* The crate `comparison` measures; here is what is asked for and printed.
 //! The kept table is what `--check` and `--renew` print: all cases, all seeds.
 //!
-//! *Limits.* The speed it tells at the end is this machine's.
+//! *Limits.* The speed that is printed at the end is this machine's.
 
 use std::io::IsTerminal;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -51,6 +52,22 @@ pub struct Options {
     renew: bool,
 }
 
+impl Options {
+    /// The seeds of each case.
+    fn seeds(&self) -> Range<u64> {
+        let kind = if self.tuning { case::TUNING } else { FIGURES };
+        kind.start..kind.start + self.seeds
+    }
+
+    /// The cases that are asked for, or all.
+    fn cases(&self) -> Vec<&'static Case> {
+        if self.cases.is_empty() {
+            return CASES.iter().collect();
+        }
+        self.cases.clone()
+    }
+}
+
 fn find(name: &str) -> Result<&'static Case, String> {
     case::find(name).ok_or_else(|| {
         let names: Vec<_> = CASES.iter().map(|case| case.name).collect();
@@ -62,7 +79,7 @@ fn find(name: &str) -> Result<&'static Case, String> {
 ///
 /// # Errors
 ///
-/// With `--check`, when the kept table says something else.
+/// With `--check`, when the kept table is another one.
 pub fn run(options: &Options) -> Result<ExitCode> {
     if options.list {
         for case in &CASES {
@@ -70,33 +87,23 @@ pub fn run(options: &Options) -> Result<ExitCode> {
         }
         return Ok(ExitCode::SUCCESS);
     }
-    let first = if options.tuning {
-        case::TUNING.start
-    } else {
-        FIGURES.start
-    };
-    let seeds = first..first + options.seeds;
-    let cases: Vec<&'static Case> = if options.cases.is_empty() {
-        CASES.iter().collect()
-    } else {
-        options.cases.clone()
-    };
+    let (seeds, cases) = (options.seeds(), options.cases());
     let total: usize = cases
         .iter()
         .map(|case| campaign::trials(case, &seeds))
         .sum();
     let progress = bar(total as u64);
     let started = Instant::now();
-    let mut text = heading(options.seeds, first);
+    let mut text = heading(options.seeds, seeds.start);
     let mut all = Vec::new();
     for case in cases {
         progress.set_message(case.name);
         let figures = campaign::run(case, &seeds, &|| progress.inc(1))
-            .with_context(|| format!("{}: nobody published anything", case.name))?;
-        let told = format!("\n{}", report::text(&figures));
-        text.push_str(&told);
+            .with_context(|| format!("{}: there are no seeds", case.name))?;
+        let section = format!("\n{}", report::text(&figures));
+        text.push_str(&section);
         if !options.json {
-            progress.suspend(|| print!("{told}"));
+            progress.suspend(|| print!("{section}"));
         }
         all.push(figures);
     }

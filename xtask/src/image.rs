@@ -106,7 +106,7 @@ pub fn run(command: &mut Command) -> Result<()> {
 ///
 /// # Errors
 ///
-/// When the build fails; cargo has said why.
+/// When the build fails; cargo has printed why.
 pub fn build(build: Build) -> Result<PathBuf> {
     let mut features = build.board.to_string();
     if build.bench {

@@ -3,8 +3,8 @@
 //! *Purpose.* An ADDR of the command line, `tcp:HOST:PORT`, `udp:HOST:PORT` or
 //! `serial:DEVICE[:BAUD]`, as something to read and write.
 //!
-//! *Design.* A read waits [`PATIENCE`] at most, so that whoever waits for an answer
-//! can look at the time and at Ctrl-C.
+//! *Design.* A read waits [`PATIENCE`] at most, so that the caller can look at the
+//! time and at Ctrl-C while it waits for an answer.
 //!
 //! *Limits.* One address a name: the first one that can be connected.
 
@@ -35,7 +35,7 @@ pub enum Address {
     Serial(String, u32),
 }
 
-/// What an address looks like, for whoever wrote something else.
+/// What an address looks like, for the message about one that does not.
 const ALLOWED: &str = "allowed: tcp:HOST:PORT, udp:HOST:PORT, serial:DEVICE[:BAUD], \
                        as in tcp:127.0.0.1:5760 or serial:/dev/ttyACM0:115200";
 
@@ -105,7 +105,7 @@ impl Link {
     ///
     /// # Errors
     ///
-    /// When nobody is there, with a sentence that says so.
+    /// When nothing listens there; the message has what to do.
     pub fn open(address: &Address) -> Result<Self> {
         Ok(match address {
             Address::Tcp(place) => {
@@ -202,8 +202,8 @@ fn why_not_opened(device: &str) -> String {
     }
 }
 
-/// Nothing came, which is no fault. A datagram that nobody took is reported on the
-/// next read; the node may be there a moment later.
+/// Nothing came, which is no fault. The system reports a refused datagram on the next
+/// read; the node may be there a moment later.
 fn is_silence(error: &io::Error) -> bool {
     matches!(
         error.kind(),

@@ -108,7 +108,7 @@ fn run() -> Result<ExitCode> {
     }
 }
 
-/// What was said behind the verb, for the tool that reads the same options.
+/// The arguments after the verb, for the tool that reads the same options.
 fn own_arguments() -> Vec<String> {
     std::env::args().skip(2).collect()
 }

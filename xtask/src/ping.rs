@@ -85,7 +85,7 @@ pub fn run(options: &Options) -> Result<ExitCode> {
     Ok(code)
 }
 
-/// The nodes, and what they have said.
+/// The nodes, and what is known of each pair.
 struct Rounds {
     nodes: Vec<Node>,
     /// Each with the indices of its nodes.

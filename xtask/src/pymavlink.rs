@@ -2,7 +2,7 @@
 //!
 //! *Design.* A venv under `target/` with the pinned pymavlink; `sim`, then `qemu`,
 //! each started on a port of its own; the script of `host-tests/pymavlink` asks
-//! them in MAVLink 1 and 2. What could not be tried is said plainly, and in CI
+//! them in MAVLink 1 and 2. What could not be tried is printed as SKIPPED, and in CI
 //! (where `CI` is set) it is a failure.
 
 use std::os::unix::process::CommandExt as _;

@@ -244,7 +244,7 @@ fn read_log(
     decoder.damaged()
 }
 
-/// What a status line that was read at `utc_ns` says of the clock.
+/// The clock by a status line that was read at `utc_ns`.
 fn sample(status: &Status, utc_ns: i64) -> Sample {
     let Some(state @ (ClockState::Set | ClockState::Holdover)) = status.state() else {
         return Sample::UNSET;

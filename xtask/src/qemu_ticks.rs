@@ -23,7 +23,7 @@ use crate::qemu::machine::{self, Running};
 const TICK: &str = "systick_timer_tick";
 const SEMIHOSTING: &str = "Taking exception 16 [Semihosting call]";
 
-/// A status line comes after at least so many ticks of the slowest setting.
+/// The least ticks between two status lines, at the slowest setting.
 const APART: usize = 900;
 
 /// How long a run may take before it is given up.

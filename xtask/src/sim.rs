@@ -9,7 +9,7 @@ use variant::Image;
 use crate::image::{self, Board, Build};
 use crate::tool;
 
-/// Builds the image and the emulator as far as that is still to do, and runs them.
+/// Builds the image and the emulator, if they are not up to date, and runs them.
 ///
 /// # Errors
 ///

@@ -18,7 +18,7 @@ const PACKAGE: &str = "virtual-pixhawk";
 ///
 /// # Errors
 ///
-/// When it cannot be built; cargo has said why.
+/// When it cannot be built; cargo has printed why.
 pub fn build(name: &str) -> Result<PathBuf> {
     run(cargo().args(["build", "--locked", "--package", PACKAGE, "--bin", name]))?;
     Ok(image::target_dir()?.join("debug").join(name))
@@ -30,7 +30,7 @@ pub fn build(name: &str) -> Result<PathBuf> {
 ///
 /// When it cannot be started.
 pub fn hand_over(command: &mut Command) -> Result<ExitCode> {
-    // The terminal tells both of us; the tool ends cleanly, and then we do.
+    // The terminal sends it to both of us; the tool ends cleanly, and then we do.
     ctrlc::set_handler(|| ())?;
     let status = command
         .status()

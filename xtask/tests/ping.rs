@@ -58,13 +58,13 @@ fn prints_a_line_an_answer_in_both_versions() {
 }
 
 #[test]
-fn tells_the_difference_to_this_host() {
+fn measures_the_difference_to_this_host() {
     for offset_us in [0_i64, 1_500_000, -250_000] {
         let address = node(Clock::HostPlus(offset_us * 1_000));
         let output = ping(&[&address, "--count", "5", "--interval", "5", "--json"]);
-        let told: Value = serde_json::from_slice(&output.stdout).expect("JSON");
-        assert_eq!(told["answered"], 5);
-        for answer in told["answers"].as_array().expect("answers") {
+        let printed: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        assert_eq!(printed["answered"], 5);
+        for answer in printed["answers"].as_array().expect("answers") {
             // The request arrived within the round trip, whose middle is taken; each of the
             // two times has whole µs.
             let error = answer["difference_us"].as_i64().expect("set") - offset_us;
@@ -119,21 +119,21 @@ fn says_when_there_is_no_answer() {
 }
 
 #[test]
-fn tells_how_far_two_nodes_are_apart_within_what_it_proves() {
+fn measures_how_far_two_nodes_are_apart_within_what_it_proves() {
     for offset_us in [0_i64, 1_500, -40_000_000] {
         let first = node(Clock::HostPlus(offset_us * 1_000));
         let second = node(Clock::HostPlus(0));
         let output = ping(&[&first, &second, "--interval", "5", "--json"]);
-        let told: Value = serde_json::from_slice(&output.stdout).expect("JSON");
-        assert_eq!(told["nodes"].as_array().map(Vec::len), Some(2));
-        let pair = &told["pairs"][0];
+        let printed: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        assert_eq!(printed["nodes"].as_array().map(Vec::len), Some(2));
+        let pair = &printed["pairs"][0];
         assert_eq!(
             (&pair["first"], &pair["second"]),
             (&first.into(), &second.into())
         );
         let rounds = pair["rounds"].as_array().expect("rounds");
         assert_eq!(rounds.len(), 5);
-        for (round, (one, other)) in rounds.iter().zip(answers_of_both(&told)) {
+        for (round, (one, other)) in rounds.iter().zip(answers_of_both(&printed)) {
             let ns = |key: &str| round[key].as_i64().expect(key);
             let error = ns("apart_ns") - offset_us * 1_000;
             // The nodes stamp when a read returns, which is within the round trip.
@@ -155,9 +155,11 @@ fn tells_how_far_two_nodes_are_apart_within_what_it_proves() {
 }
 
 /// The round trips of both nodes in µs, round by round.
-fn answers_of_both(told: &Value) -> Vec<(i64, i64)> {
+fn answers_of_both(printed: &Value) -> Vec<(i64, i64)> {
     let [one, other] = [0, 1].map(|node| {
-        let answers = told["nodes"][node]["answers"].as_array().expect("answers");
+        let answers = printed["nodes"][node]["answers"]
+            .as_array()
+            .expect("answers");
         let round_trips = answers.iter().map(|it| it["round_trip_us"].as_i64());
         round_trips.collect::<Option<Vec<_>>>().expect("times")
     });
@@ -258,10 +260,10 @@ fn refuses_wrong_usage_with_what_is_allowed() {
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");
         assert!(!output.stderr.is_empty());
     }
-    let told = text(&ping(&["tcp:localhost"]).stderr);
+    let printed = text(&ping(&["tcp:localhost"]).stderr);
     assert!(
-        told.contains("allowed: tcp:HOST:PORT, udp:HOST:PORT, serial:DEVICE[:BAUD]"),
-        "{told}"
+        printed.contains("allowed: tcp:HOST:PORT, udp:HOST:PORT, serial:DEVICE[:BAUD]"),
+        "{printed}"
     );
 }
 

@@ -2,8 +2,9 @@
 //!
 //! *Purpose.* An [`Event`] is a line that a person reads between two rows of figures.
 //!
-//! *Design.* The firmware says most of it in its log, in sentences that are recognised here. What
-//! it only counts (refusals, holdovers) shows where two status lines differ: [`News`] compares.
+//! *Design.* Most of it are sentences of the firmware's log, which are recognised here. What the
+//! firmware only counts (refusals, holdovers) shows where two status lines differ: [`News`] compares
+//! them.
 //!
 //! *Limits.* A sentence that is not recognised is shown as it is, if it is at least a warning.
 

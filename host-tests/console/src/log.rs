@@ -7,8 +7,8 @@
 //! zero are kept until the rest has come.
 //!
 //! *Limits.* Only defmt's default encoding (rzcobs) can be cut at zeros; an image
-//! with another one is refused. What was lost on the way is told as a count of
-//! damaged frames, not as a place.
+//! with another one is refused. What was lost on the way is counted as
+//! damaged frames; where it was lost is not known.
 
 use anyhow::{Context as _, ensure};
 use defmt_decoder::{DecodeError, Encoding, Table};
@@ -18,7 +18,7 @@ use defmt_decoder::{DecodeError, Encoding, Table};
 pub enum Level {
     /// Every detail.
     Trace,
-    /// For whoever looks for a fault.
+    /// For finding faults.
     Debug,
     /// What happens when all is well.
     Info,

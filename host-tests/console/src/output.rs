@@ -42,7 +42,7 @@ pub enum Report {
 }
 
 /// Prints what comes of the boards' `reports`, each with the board's index, until all senders are
-/// gone. With `powered` (when the boards got power), a board that says nothing keeps no row waiting.
+/// gone. With `powered` (when the boards got power), a silent board keeps no row waiting.
 pub fn show(
     screen: &mut Screen,
     reports: &Receiver<(usize, Report)>,

@@ -2,9 +2,9 @@
 //!
 //! *Purpose.* Columns that stay where they are, whatever stands in them.
 //!
-//! *Design.* A cell says how the clock is steered, how far off it is, and how far off it may be by
-//! its own claim. Colours are escape sequences in the text; who prints to something else than a
-//! terminal strips them.
+//! *Design.* A cell shows how the clock is steered, how far off it is, and how far off it may be by
+//! its own claim. Colours are escape sequences in the text; printing to anything but a terminal
+//! strips them.
 //!
 //! *Limits.* Four boards are wider than most terminals.
 
@@ -59,7 +59,7 @@ impl Columns {
         styled(BOLD, line.trim_end())
     }
 
-    /// The row of second `at_s`; a board that has said nothing has a dash.
+    /// The row of second `at_s`; a silent board has a dash.
     pub(crate) fn row(self, at_s: u64, cells: &[Option<Cell>]) -> String {
         let mut line = time(at_s);
         for cell in cells {

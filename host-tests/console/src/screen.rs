@@ -19,7 +19,7 @@ use crate::row::{CAUTION, Columns, styled};
 use crate::sample::{Cell, Sizes, apart_ns};
 use crate::{Event, LogLine, Sample, Status};
 
-/// How long a row waits for a board that has said nothing, in s.
+/// How long a row waits for a silent board. [s]
 const PATIENCE: u64 = 2;
 
 /// What a screen shows.
@@ -285,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn a_board_that_says_nothing_is_waited_for_two_seconds() {
+    fn a_silent_board_is_waited_for_two_seconds() {
         let mut screen = screen(2, false);
         lines(&mut screen);
         screen.handle_sample(0, 1, set(7));

@@ -1,11 +1,11 @@
-//! What is said when a run ends.
+//! The summary at the end of a run.
 //!
 //! *Purpose.* The whole run in ten lines, or as one JSON object.
 //!
 //! *Design.* A line for each figure, a column for each board. Means and largest values are of the
 //! samples that were shown: one a second since the clock was first set.
 //!
-//! *Limits.* A figure that nobody measured, as QEMU's CPU load, has no line.
+//! *Limits.* A figure that was not measured, as QEMU's CPU load, has no line.
 
 use std::time::Duration;
 
@@ -185,7 +185,7 @@ fn first_set(board: &Board) -> String {
     }
 }
 
-/// What the last sample said.
+/// The last sample.
 fn last(board: &Board, errors: bool) -> String {
     let Some(sample) = board.last else {
         return "–".to_owned();

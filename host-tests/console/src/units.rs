@@ -1,7 +1,7 @@
 //! Times in the unit that fits their size.
 //!
-//! *Purpose.* A person compares 61 ms with 46 µs at a glance; nobody counts the digits of
-//! 61030000 ns.
+//! *Purpose.* A person compares 61 ms with 46 µs at a glance, and 61030000 ns with 46000 ns only
+//! by counting digits.
 //!
 //! *Design.* A difference has a sign and four digits, a magnitude has none and three. Whole ns
 //! stay whole.

@@ -41,11 +41,11 @@ pub fn two_boards_are_apart(output: &str) -> Result<()> {
 
 /// `sim --pulse --json`: the pulse steers both boards, and they agree to nanoseconds.
 pub fn boards_follow_the_pulse(output: &str) -> Result<()> {
-    let told: Value = serde_json::from_str(output)?;
+    let summary: Value = serde_json::from_str(output)?;
     for board in 0..2 {
-        let source = &told["boards"][board]["last_status"]["source"];
+        let source = &summary["boards"][board]["last_status"]["source"];
         ensure!(source == "pulse", "{source} steers board {}", board + 1);
-        let error = told["boards"][board]["error_ns"]["last"].as_i64();
+        let error = summary["boards"][board]["error_ns"]["last"].as_i64();
         let error = error.context("no error")?;
         ensure!(
             error.abs() < BY_PULSE_NS,
@@ -53,7 +53,9 @@ pub fn boards_follow_the_pulse(output: &str) -> Result<()> {
             board + 1
         );
     }
-    let apart = told["apart_ns"]["last"].as_i64().context("no difference")?;
+    let apart = summary["apart_ns"]["last"]
+        .as_i64()
+        .context("no difference")?;
     ensure!(apart < BY_PULSE_NS, "the boards are {apart} ns apart");
     Ok(())
 }
@@ -98,16 +100,16 @@ refused                 nothing
 
     #[test]
     fn boards_that_are_apart_or_follow_no_pulse_are_refused() {
-        let told = |source: &str, error_ns: i64, apart_ns: i64| {
+        let check = |source: &str, error_ns: i64, apart_ns: i64| {
             let board = json!({"last_status": {"source": source}, "error_ns": {"last": error_ns}});
-            let told = json!({"boards": [board, board], "apart_ns": {"last": apart_ns}});
-            boards_follow_the_pulse(&told.to_string())
+            let summary = json!({"boards": [board, board], "apart_ns": {"last": apart_ns}});
+            boards_follow_the_pulse(&summary.to_string())
         };
-        told("pulse", 28, 55).unwrap();
+        check("pulse", 28, 55).unwrap();
         for (source, error_ns, apart_ns) in
             [("message", 28, 55), ("pulse", 900, 55), ("pulse", 28, 900)]
         {
-            told(source, error_ns, apart_ns).unwrap_err();
+            check(source, error_ns, apart_ns).unwrap_err();
         }
     }
 }

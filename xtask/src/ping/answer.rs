@@ -1,4 +1,4 @@
-//! An answer of a node, and what it says of the node's clock.
+//! An answer of a node, and what is certain about the node's clock.
 //!
 //! *Purpose.* [`Answer`] is a line of `ping`; its [`Window`] is what is certain about the moment that
 //! the node's time belongs to.
@@ -44,7 +44,7 @@ pub struct Answer {
 pub struct Bytes {
     /// Bytes of the request.
     pub request: usize,
-    /// The version of the answer, which says its length.
+    /// The version of the answer, from which its length follows.
     pub answer: Version,
     /// The rate of the line, in Bd; `None` if nothing is known of it.
     pub baud: Option<u32>,
@@ -80,7 +80,7 @@ impl Answer {
         let round_trip = nanos(self.round_trip).unsigned_abs();
         let (mut before, mut after) = self.bytes.own_time_ns();
         if before + after > round_trip {
-            // This line has not the rate that it was said to have.
+            // The line does not have the rate that was given for it.
             (before, after) = (0, 0);
         }
         let half_ns = (round_trip - before - after) / 2;

@@ -177,7 +177,7 @@ impl Node {
     fn listen(&mut self) -> Result<Vec<Received>> {
         let mut buffer = [0; 1_024];
         let bytes = self.link.receive(&mut buffer)?;
-        // The client only tells frames apart; the times here are the host's.
+        // The client only finds the frames; the times here are the host's.
         let stamp = Stamp(0);
         let received: Vec<Received> = bytes
             .iter()

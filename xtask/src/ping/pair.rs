@@ -19,7 +19,7 @@ use serde_json::{Value, json};
 
 use super::answer::Answer;
 
-/// What one round says of two nodes.
+/// The difference of two nodes in one round.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Apart {
     /// The number of the request.

@@ -3,7 +3,7 @@
 //! *Purpose.* How QEMU is called, for every verb that uses it.
 //!
 //! *Design.* QEMU connects the board's UART4 to a port of ours, where a receiver is
-//! [played](super::player), and its USART2 where the caller says. The log comes out of its standard
+//! [played](super::player), and its USART2 where the caller wants it. The log comes out of its standard
 //! output.
 
 use std::io::ErrorKind;
@@ -52,7 +52,7 @@ pub fn check() -> Result<()> {
 ///
 /// # Errors
 ///
-/// When that fails; apt-get has said why.
+/// When that fails; apt-get has printed why.
 pub fn install() -> Result<()> {
     image::run(Command::new("sh").args(["-c", INSTALL]))
 }
@@ -109,7 +109,7 @@ pub fn power_on(qemu: &mut Command, mavlink: &str) -> Result<(Running, TcpStream
             Err(error) => return Err(error.into()),
         }
         if qemu.0.try_wait()?.is_some() {
-            bail!("QEMU ended by itself, having said why; is a port taken?");
+            bail!("QEMU ended by itself, see its message; is a port taken?");
         }
         thread::sleep(LOOK_EVERY);
     }

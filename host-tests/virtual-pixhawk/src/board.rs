@@ -1,4 +1,4 @@
-//! What is soldered on a Pixhawk 1, as far as this firmware can tell.
+//! What is soldered on a Pixhawk 1, and this firmware depends on.
 //!
 //! *Purpose.* The STM32F427 with its crystal and its supply, as `rigless` wants a
 //! board described.

@@ -5,7 +5,7 @@
 //!
 //! *Design.* The card itself is rigless's: its states, its commands, its blocks. Around it stands
 //! what that one has not: the second version of the specification (CMD8, and blocks addressed by
-//! number said as they should be), a start-up that takes time, a busy time after each written
+//! number, reported as they should be), a start-up that takes time, a busy time after each written
 //! block, write protection, and [`Fault`]s at the nth block. A damaged answer is made of one that
 //! is too long, which the interface takes for a failed checksum.
 //!

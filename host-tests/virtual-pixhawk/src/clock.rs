@@ -1,8 +1,7 @@
 //! The firmware's clock, read from outside.
 //!
-//! *Purpose.* [`Pixhawk::clock`] tells what the board believes the time to be at a
-//! moment that is known to the nanosecond, without the rounding and the way of a
-//! MAVLink answer.
+//! *Purpose.* [`Pixhawk::clock`] is the time that the board has at a moment that is known to
+//! the nanosecond, without the rounding and the way of a MAVLink answer.
 //!
 //! *Design.* What the firmware publishes for its own readers is in statics: the
 //! timeline (`CLOCK`, words in the layout of [`Published`]), in the paper's variants the
@@ -11,7 +10,7 @@
 //! without the side effects of a read. Cycles since boot are the anchor and what the
 //! witness has counted since; the clock is then read by the firmware's own code.
 //!
-//! *Limits.* TIM5 counts every second cycle and was started beside SysTick with a
+//! *Limits.* TIM5 counts every second cycle and was started beside SysTick with an
 //! uncertainty of as much, so a reading is good to 4 cycles, 24 ns. A board that stands in
 //! the middle of its tick interrupt has half an anchor; so a reading takes two looks
 //! 2 µs apart that have to agree, and the board has run on by then.

@@ -22,8 +22,8 @@ pub struct Gaps {
     /// Addresses that no register covers, or that are reached in a way that the part
     /// refuses, with the reason.
     pub refused: BTreeSet<String>,
-    /// What a model had to say against the way it was used.
-    pub told: BTreeSet<String>,
+    /// What a model reported against the way it was used.
+    pub misuse: BTreeSet<String>,
     /// How often the part was restarted.
     pub resets: usize,
 }
@@ -44,9 +44,9 @@ impl Gaps {
             .unrouted()
             .iter()
             .map(|(instance, number)| format!("no line for {instance} interrupt {number}"));
-        let told = session
+        let misuse = session
             .told()
-            .map(|told| format!("{}.{}: {}", told.instance, told.register, told.reason));
+            .map(|use_| format!("{}.{}: {}", use_.instance, use_.register, use_.reason));
         Self {
             unmodelled: unmodelled
                 .map(|seen| {
@@ -59,7 +59,7 @@ impl Gaps {
                 .chain(undefined)
                 .chain(unrouted)
                 .collect(),
-            told: told.collect(),
+            misuse: misuse.collect(),
             resets: session.resets().len(),
         }
     }

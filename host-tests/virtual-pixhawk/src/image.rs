@@ -1,7 +1,7 @@
 //! The image that is flashed, and the stand-in for the bootloader before it.
 //!
 //! *Purpose.* [`Firmware`]: the ELF file that probe-rs would flash, its bytes for
-//! the board's memory and its symbols for whoever looks into that memory.
+//! the board's memory and its symbols for reading that memory.
 //!
 //! *Design.* The application is linked at 0x0800_4000, behind the bootloader of
 //! PX4. In place of that bootloader stand two vectors, an initial stack pointer
@@ -65,7 +65,7 @@ impl Firmware {
     }
 
     /// The image that the environment names in `variable`; `None`, and a line on
-    /// standard error that says so, if it names none.
+    /// standard error about it, if it names none.
     ///
     /// # Errors
     ///

@@ -6,9 +6,9 @@
 //! *Design.* `rigless` emulates the part; this crate is the one place that knows it. A [`Builder`]
 //! takes the [`Firmware`], the crystal's error and a [`Talker`](world::Talker) for each connector:
 //! a simulated receiver or a recording, a [`Script`] or a [`TcpLine`]; and the pulse that belongs
-//! to the receiver; and a [`Card`] in the slot. A [`Pixhawk`] is brought from moment to moment, its log, its statics and what
-//! it has sent are read where it stands, and a meter counts what it executes. [`Gaps`] says how far
-//! a run can be believed.
+//! to the receiver; and a [`Card`] in the slot. A [`Pixhawk`] is brought from moment to moment. Its
+//! log, its statics and what it has sent are read where it stands, and a meter counts what it
+//! executes. [`Gaps`] has what the emulator does not model: a run without gaps can be believed.
 //!
 //! *Limits.* One instruction is one cycle: no wait states, no time for entering an
 //! exception. A UART's words take the board's own ten bit times. The USB device and

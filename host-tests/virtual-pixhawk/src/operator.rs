@@ -1,4 +1,4 @@
-//! Who stands at the emulator's controls while a board runs.
+//! The emulator's controls while a board runs.
 //!
 //! *Purpose.* The driver that `rigless` calls at every stop: it brings the far ends of
 //! the lines and of the pulse's wire to the moment, reads the log, and takes orders.
@@ -56,7 +56,7 @@ pub(crate) enum Next {
     End,
 }
 
-/// The log as far as it has been read.
+/// What has been read of the log.
 #[derive(Debug)]
 pub(crate) struct Log {
     rtt: Rtt,

@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pin_that_is_nobodys_moves_nothing() {
+    fn a_pin_that_is_not_connected_moves_nothing() {
         let mut part = Stm32f427::new().unwrap();
         let mut wire = PulseWire::new([pulse(10, 110)].into_iter());
         wire.prepare(WorldNanos(10), &mut part);

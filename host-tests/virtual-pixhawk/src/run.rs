@@ -1,7 +1,6 @@
 //! A virtual Pixhawk under power.
 //!
-//! *Purpose.* [`Pixhawk`]: built, powered on, and brought from moment to moment by
-//! whoever holds it.
+//! *Purpose.* [`Pixhawk`]: built, powered on, and brought from moment to moment.
 //!
 //! *Design.* The emulator runs a board from beginning to end in one call, so the
 //! board has a thread of its own. At the moment it was asked to reach, it waits for
@@ -318,7 +317,7 @@ impl Pixhawk {
     ) -> anyhow::Result<T> {
         let (answer, answered) = sync_channel(1);
         let order: Order = Box::new(move |stopped| {
-            // Nobody waits for the answer of an order whose board has ended.
+            // The answer is not waited for if the board has ended.
             let _ = answer.send(ask(stopped));
         });
         let sent = self.orders.as_ref().map(|orders| orders.send(order));

@@ -3,7 +3,7 @@
 //! *Purpose.* The far end of the board's MAVLink port as a TCP server on the
 //! loopback interface, for ground stations and for `xtask ping`.
 //!
-//! *Design.* Any number of clients at once: each hears everything, as on a radio,
+//! *Design.* Any number of clients at once: each receives everything, as on a radio,
 //! and what they send is put on the line in the order in which it is found. The
 //! sockets are looked at once a ms of true time, for both ways, and never waited
 //! for. The line goes at the speed at which the board talks.
@@ -22,7 +22,7 @@ use world::{Sent, Talker, Transmission, WorldNanos};
 
 const LOOK_EVERY_NS: u64 = 1_000_000;
 const CHUNK: usize = 4_096;
-/// The speed of the line until the board has said something.
+/// The speed of the line until the board has sent something.
 const FIRST_BAUD: u32 = 115_200;
 
 /// A TCP server as the far end of a line.
@@ -30,8 +30,8 @@ const FIRST_BAUD: u32 = 115_200;
 pub struct TcpLine {
     listener: TcpListener,
     clients: Vec<TcpStream>,
-    /// What the board has said since the last look.
-    said: Vec<u8>,
+    /// What the board has sent since the last look.
+    sent: Vec<u8>,
     baud: u32,
     next_look: WorldNanos,
     line_free: WorldNanos,
@@ -75,7 +75,7 @@ impl TcpLine {
         Ok(Self {
             listener,
             clients: Vec::new(),
-            said: Vec::new(),
+            sent: Vec::new(),
             baud: FIRST_BAUD,
             next_look: WorldNanos(0),
             line_free: WorldNanos(0),
@@ -113,10 +113,10 @@ impl TcpLine {
     }
 
     fn write(&mut self) {
-        let said = std::mem::take(&mut self.said);
-        if !said.is_empty() {
+        let sent = std::mem::take(&mut self.sent);
+        if !sent.is_empty() {
             self.clients
-                .retain_mut(|client| client.write_all(&said).is_ok());
+                .retain_mut(|client| client.write_all(&sent).is_ok());
         }
     }
 
@@ -168,7 +168,7 @@ impl Talker for TcpLine {
 
     fn handle_bytes(&mut self, _: WorldNanos, baud: u32, bytes: &[u8]) {
         self.baud = baud;
-        self.said.extend(bytes);
+        self.sent.extend(bytes);
     }
 
     fn truth(&self) -> &[Sent] {
@@ -199,19 +199,19 @@ mod tests {
     }
 
     #[test]
-    fn every_client_hears_the_board_and_the_board_hears_every_client() {
+    fn every_client_receives_the_board_and_the_board_every_client() {
         let mut line = TcpLine::listen(0).unwrap();
         let mut clients = [client(&line), client(&line)];
         for (client, word) in clients.iter_mut().zip([b"one", b"two"]) {
             client.write_all(word).unwrap();
             assert_eq!(poll_patiently(&mut line).unwrap().bytes, word);
         }
-        line.handle_bytes(WorldNanos(0), 57_600, b"heard");
+        line.handle_bytes(WorldNanos(0), 57_600, b"hello");
         assert_eq!(line.poll(line.next_event().unwrap()), None);
         for client in &mut clients {
             let mut word = [0; 5];
             client.read_exact(&mut word).unwrap();
-            assert_eq!(&word, b"heard");
+            assert_eq!(&word, b"hello");
         }
         // From now on the line goes as fast as the board talks.
         clients[0].write_all(b"x").unwrap();
@@ -226,7 +226,7 @@ mod tests {
             client(&line).write_all(word).unwrap();
             assert_eq!(poll_patiently(&mut line).unwrap().bytes, word);
         }
-        line.handle_bytes(WorldNanos(0), 57_600, b"to nobody");
+        line.handle_bytes(WorldNanos(0), 57_600, b"lost");
         assert_eq!(line.poll(line.next_event().unwrap()), None);
         assert!(line.clients.is_empty());
         assert_eq!(visits.take(), (2, 2));

@@ -9,7 +9,7 @@
 //! error, and a new start needs a high line first (RM0090 30.3.3, with one sample
 //! a bit in place of its three of sixteen).
 //!
-//! *Limits.* 8N1. A word's start is told late where the word before it, which the
+//! *Limits.* 8N1. A word's start is reported late where the word before it, which the
 //! emulator gives ten whole bits of the board's, would still be on its way.
 
 use world::{Transmission, WorldNanos};
@@ -131,8 +131,8 @@ mod tests {
         let bytes: Vec<u8> = (0..=255).collect();
         for baud in [113_000, 117_400] {
             let words = words(&sent(&bytes, 115_200), baud);
-            let heard: Vec<u8> = words.iter().map(|word| word.byte).collect();
-            assert_eq!(heard, bytes, "{baud}");
+            let received: Vec<u8> = words.iter().map(|word| word.byte).collect();
+            assert_eq!(received, bytes, "{baud}");
             assert!(words.iter().all(|word| !word.framing), "{baud}");
         }
     }

@@ -3,13 +3,13 @@
 //! *Purpose.* [`Wire`] brings a [`Talker`], which lives in true time, to a serial
 //! port of the emulator, which asks for a word whenever its receiver is free.
 //!
-//! *Design.* What the talker says waits as words with the moment of their start
+//! *Design.* What the talker sends waits as words with the moment of their start
 //! bit. The emulator asks only at its stops, so the run's driver calls
 //! [`Wire::prepare`] at each of them and stops at [`Wire::next_stop`]. Where the two
 //! ends disagree about the speed, [`waveform`](crate::waveform) makes what the
 //! board's receiver would make of it. Framing errors are a setting of the port that
 //! holds for the word that ends next; so a word whose flag differs from the setting
-//! is held back until `prepare` has said what the setting has to be.
+//! is held back until `prepare` has found what the setting has to be.
 //!
 //! *Limits.* The port takes ten of *its own* bit times for a word, where a real one
 //! finds each start bit anew: in a burst without gaps the words of a talker that is
@@ -33,7 +33,7 @@ use crate::waveform::{self, Word};
 /// half a bit in the tenth bit, with some room.
 const TOLERANCE_PER_MILLE: u32 = 25;
 /// The speeds that serial ports are set to; a board's own, which its divider makes
-/// a little wrong, is told as the one that is meant.
+/// a little wrong, is taken for the one that is meant.
 const STANDARD_BAUDS: [u32; 9] = [
     4_800, 9_600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 921_600,
 ];
@@ -65,7 +65,7 @@ pub(crate) struct Wire {
     framing: bool,
     /// The port asked for a word that was due and held back.
     held_back: bool,
-    heard: Vec<ReceivedByte>,
+    received: Vec<ReceivedByte>,
 }
 
 impl fmt::Debug for Wire {
@@ -97,13 +97,13 @@ impl Wire {
             waiting: VecDeque::new(),
             framing: false,
             held_back: false,
-            heard: Vec::new(),
+            received: Vec::new(),
         }
     }
 
     /// Brings the far end to `now`, with the board's port as it is.
     pub(crate) fn prepare(&mut self, now: WorldNanos, port: PortSetting) -> Prepared {
-        let was_deaf = !std::mem::replace(&mut self.port, port).listening;
+        let was_off = !std::mem::replace(&mut self.port, port).listening;
         let mut ask_now = false;
         while let Some(due) = self.talker.next_event().filter(|&due| due <= now) {
             while let Some(transmission) = self.talker.poll(now) {
@@ -116,10 +116,10 @@ impl Wire {
                 break;
             }
         }
-        // Each start of a word is a stop, so nobody heard those from before this one.
-        if was_deaf || !port.listening {
-            let heard_now = |word: &Word| word.start == now && port.listening;
-            let missed = |word: &mut Word| word.start <= now && !heard_now(word);
+        // Each start of a word is a stop, so those from before this one are lost.
+        if was_off || !port.listening {
+            let arrives_now = |word: &Word| word.start == now && port.listening;
+            let missed = |word: &mut Word| word.start <= now && !arrives_now(word);
             while self.waiting.pop_front_if(missed).is_some() {}
         }
         if std::mem::take(&mut self.held_back) {
@@ -161,7 +161,7 @@ impl Wire {
 
     /// Every byte that the board has sent, and takes them out.
     pub(crate) fn take_received(&mut self) -> Vec<ReceivedByte> {
-        std::mem::take(&mut self.heard)
+        std::mem::take(&mut self.received)
     }
 
     /// Every NAV-PVT that has left, as the talker knows it.
@@ -176,7 +176,7 @@ impl Peer for Wire {
     fn receive(&mut self, word: u16, context: &mut Timeline<'_, '_>) {
         let at = WorldNanos(context.now().0);
         let [byte, _] = word.to_le_bytes();
-        self.heard.push(ReceivedByte { at, byte });
+        self.received.push(ReceivedByte { at, byte });
         self.talker.handle_bytes(at, self.meant_baud(), &[byte]);
     }
 
@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_said_while_nobody_listened_is_lost() {
+    fn what_was_sent_while_the_port_was_off_is_lost() {
         let mut wire = wire(1_000, b"ab", 115_200);
         let deaf = PortSetting {
             listening: false,

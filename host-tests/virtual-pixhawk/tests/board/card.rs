@@ -1,5 +1,5 @@
-//! The log of a test on the memory card: the file is right, each fault is told by its kind and loses
-//! nothing, and the clock does not feel any of it.
+//! The log of a test on the memory card: the file is right, each fault is reported by its kind and loses
+//! nothing, and the clock is not disturbed.
 
 use crate::common::{
     BAUD, MS, SECOND, START_UTC_NS, image, ping_answers, pings, receiver_settings,
@@ -28,7 +28,7 @@ fn end_of_test(at: WorldNanos) -> Transmission {
     }
 }
 
-/// `count` PINGs, so far apart.
+/// `count` PINGs, `apart_ns` apart.
 fn some_pings(count: u64, apart_ns: u64) -> Vec<Transmission> {
     let at = (0..count).map(|n| WorldNanos(FIRST_PING.0 + n * apart_ns));
     pings(Version::V2, at)
@@ -42,8 +42,7 @@ fn board(firmware: &Firmware, telem1: Vec<Transmission>) -> Builder {
         .telem1(Script::new(telem1))
 }
 
-/// A board that has heard 40 PINGs and is told at 5 s, and again at each of `again`, that the test has
-/// ended.
+/// A board that gets 40 PINGs, and the end of the test at 5 s and again at each of `again`.
 fn after_a_test(firmware: &Firmware, card: Option<Card>, again: &[WorldNanos]) -> Pixhawk {
     let mut telem1 = some_pings(40, 25 * MS);
     telem1.push(end_of_test(WorldNanos(5 * SECOND)));
@@ -55,8 +54,8 @@ fn after_a_test(firmware: &Firmware, card: Option<Card>, again: &[WorldNanos]) -
     board.power_on().unwrap()
 }
 
-/// What the log says of the card since the last call.
-fn said_of_the_card(board: &mut Pixhawk) -> Vec<String> {
+/// The lines of the log about the card since the last call.
+fn lines_about_the_card(board: &mut Pixhawk) -> Vec<String> {
     let log = board.take_log().unwrap();
     let lines = log.into_iter().map(|logged| logged.line.text);
     lines
@@ -65,10 +64,10 @@ fn said_of_the_card(board: &mut Pixhawk) -> Vec<String> {
         .collect()
 }
 
-/// What the board has told on its line, as far as it is text.
+/// What the board has sent on its line, with what is no text replaced.
 fn texts(board: &mut Pixhawk) -> String {
-    let heard = board.take_received(Connector::Telem1).unwrap();
-    let bytes: Vec<u8> = heard.iter().map(|heard| heard.byte).collect();
+    let received = board.take_received(Connector::Telem1).unwrap();
+    let bytes: Vec<u8> = received.iter().map(|received| received.byte).collect();
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
@@ -105,11 +104,11 @@ fn the_file_has_a_line_for_each_ping_on_every_kind_of_card() {
     ] {
         let mut board = after_a_test(&firmware, Some(card), &[]);
         board.run_to(WorldNanos(7 * SECOND)).unwrap();
-        let heard = board.take_received(Connector::Telem1).unwrap();
-        let answers = ping_answers(&heard);
+        let received = board.take_received(Connector::Telem1).unwrap();
+        let answers = ping_answers(&received);
         assert_eq!(answers.len(), 40);
         let expected = "the log is saved: file 1, samples 40";
-        assert_eq!(said_of_the_card(&mut board), [expected]);
+        assert_eq!(lines_about_the_card(&mut board), [expected]);
         let card = board.swap_card(None).unwrap().expect("it is in the slot");
         let mut files = fat_image::files(&card.image());
         let file = files.remove(FIRST_FILE).expect("the file is there");
@@ -130,7 +129,7 @@ fn nothing_is_written_over() {
     let mut before = fat_image::formatted(Kind::Fat16);
     fat_image::put(&mut before, "TEST0001.CSV", 700);
     fat_image::put(&mut before, "TEST0041.CSV", 0);
-    fat_image::put(&mut before, "a long name that is nobody's.csv", 5_000);
+    fat_image::put(&mut before, "a long name that is not ours.csv", 5_000);
     let again = [WorldNanos(6 * SECOND)];
     let mut board = after_a_test(&firmware, Some(Card::holding(&before)), &again);
     board.run_to(WorldNanos(7 * SECOND)).unwrap();
@@ -142,11 +141,11 @@ fn nothing_is_written_over() {
     assert_eq!(new[0].contents.len(), 41 * csv::LINE);
 }
 
-/// A card in the slot at the end of a test, what the board says of it in its log and on its line.
+/// A card in the slot at the end of a test, and what the board reports of it in its log and on its line.
 struct Trouble {
     card: Option<Card>,
     logged: &'static str,
-    told: &'static str,
+    sent: &'static str,
 }
 
 fn troubles() -> Vec<Trouble> {
@@ -156,7 +155,7 @@ fn troubles() -> Vec<Trouble> {
     fat_image::put(&mut full, "most.bin", free - 3 * 1_024);
     let mut without_cluster_size = good.clone();
     without_cluster_size[2_048 * 512 + 13] = 0;
-    let trouble = |card, logged, told| Trouble { card, logged, told };
+    let trouble = |card, logged, sent| Trouble { card, logged, sent };
     let pulled_at = |nth| Card::holding(&good).fault(Transfer::Write, nth, Fault::Pulled);
     let mut broken = Card::holding(&good);
     for nth in 4..7 {
@@ -197,20 +196,20 @@ fn troubles() -> Vec<Trouble> {
 }
 
 #[test]
-fn every_trouble_is_told_by_its_kind_and_a_good_card_then_gets_all_of_it() {
+fn every_trouble_is_reported_by_its_kind_and_a_good_card_then_gets_all_of_it() {
     let Some(firmware) = image() else { return };
-    for Trouble { card, logged, told } in troubles() {
+    for Trouble { card, logged, sent } in troubles() {
         let again = [WorldNanos(10 * SECOND)];
         let mut board = after_a_test(&firmware, card, &again);
         board.run_to(WorldNanos(9 * SECOND + 500 * MS)).unwrap();
         let expected = format!("the log is not saved: {logged}");
-        assert_eq!(said_of_the_card(&mut board), [expected]);
-        let heard = board.take_received(Connector::Telem1).unwrap();
-        let answers = ping_answers(&heard);
+        assert_eq!(lines_about_the_card(&mut board), [expected]);
+        let received = board.take_received(Connector::Telem1).unwrap();
+        let answers = ping_answers(&received);
         assert_eq!(answers.len(), 40);
-        let bytes: Vec<u8> = heard.iter().map(|heard| heard.byte).collect();
+        let bytes: Vec<u8> = received.iter().map(|received| received.byte).collect();
         let text = String::from_utf8_lossy(&bytes);
-        assert!(text.contains(&format!("log not saved: {told}")), "{logged}");
+        assert!(text.contains(&format!("log not saved: {sent}")), "{logged}");
         let good = Card::holding(&fat_image::formatted(Kind::Fat16));
         board.swap_card(Some(good)).unwrap();
         board.run_to(WorldNanos(12 * SECOND)).unwrap();
@@ -231,13 +230,13 @@ fn a_card_that_takes_the_place_of_another_in_mid_file_stays_as_it_was() {
     let mut board = after_a_test(&firmware, Some(slow), &again);
     // Some blocks have been written, some have not.
     board.run_to(WorldNanos(5_300 * MS)).unwrap();
-    assert_eq!(said_of_the_card(&mut board), [""; 0]);
+    assert_eq!(lines_about_the_card(&mut board), [""; 0]);
     let swapped = Card::holding(&other).with_serial(7);
     let first = board.swap_card(Some(swapped)).unwrap().unwrap();
     assert!(first.transfers(Transfer::Write) > 0);
     board.run_to(WorldNanos(7 * SECOND)).unwrap();
     let expected = "the log is not saved: Pulled";
-    assert_eq!(said_of_the_card(&mut board), [expected]);
+    assert_eq!(lines_about_the_card(&mut board), [expected]);
     let swapped = board.swap_card(None).unwrap().unwrap();
     assert_eq!(swapped.transfers(Transfer::Write), 0);
     assert!(swapped.image() == other);
@@ -245,7 +244,7 @@ fn a_card_that_takes_the_place_of_another_in_mid_file_stays_as_it_was() {
     board.swap_card(Some(swapped)).unwrap();
     board.run_to(WorldNanos(10 * SECOND)).unwrap();
     assert_eq!(
-        said_of_the_card(&mut board),
+        lines_about_the_card(&mut board),
         ["the log is saved: file 1, samples 40"]
     );
     let files = fat_image::files(&board.swap_card(None).unwrap().unwrap().image());

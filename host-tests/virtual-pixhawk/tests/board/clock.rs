@@ -77,8 +77,8 @@ fn answers_carry_the_receivers_utc_within_the_latency_of_its_marks() {
         board.run_to(WorldNanos(7 * SECOND)).unwrap();
         let lateness_ns = lateness_ns(&board.truth().unwrap(), START_UTC_NS);
         assert!(lateness_ns.len() > 15, "5 Hz were not reached");
-        let heard = board.take_received(Connector::Telem1).unwrap();
-        let answers = ping_answers(&heard);
+        let received = board.take_received(Connector::Telem1).unwrap();
+        let answers = ping_answers(&received);
         assert_eq!(answers.len(), asked_at.len(), "{version:?}: {answers:?}");
         for (seq, time_usec) in answers {
             let at = arrival(asked_at[seq as usize]);
@@ -177,7 +177,7 @@ fn a_replayed_recording_is_answered_with_its_own_utc() {
         board.run_to(WorldNanos(2 * SECOND + 500 * MS)).unwrap();
         let truth = board.truth().unwrap();
         // A recording knows no epoch's lateness but its own: let the world begin
-        // where the first mark says.
+        // where the first mark puts it.
         let first = truth[0];
         let utc_at_start_ns = first.epoch_utc_ns - first.first_byte.0.cast_signed();
         let mut lateness_ns = lateness_ns(&truth, utc_at_start_ns);

@@ -16,7 +16,7 @@ pub(crate) const BAUD: u32 = 115_200;
 pub(crate) const BYTE_NS: u64 = 10 * SECOND / BAUD as u64;
 
 /// The image that `cargo xtask board-test` hands over; `None` if a test has to be
-/// skipped, which has been said.
+/// skipped, which has been printed.
 pub(crate) fn image() -> Option<Firmware> {
     Firmware::from_variable(IMAGE_VARIABLE).expect("the image can be read")
 }
@@ -46,28 +46,28 @@ pub(crate) fn pings(
         .collect()
 }
 
-/// What a node said in `heard`, each with the moment at which its last byte came.
-pub(crate) fn said(heard: &[ReceivedByte]) -> Vec<(WorldNanos, Message)> {
+/// The messages in `received`, each with the moment at which its last byte came.
+pub(crate) fn messages(received: &[ReceivedByte]) -> Vec<(WorldNanos, Message)> {
     let address = Address {
         system: 255,
         component: 190,
     };
     let mut client = Client::new(address, Version::V2);
-    heard
+    received
         .iter()
-        .filter_map(|heard| {
+        .filter_map(|received| {
             let stamped = StampedByte {
-                stamp: Stamp((heard.at.0 / 6) as u32),
-                byte: heard.byte,
+                stamp: Stamp((received.at.0 / 6) as u32),
+                byte: received.byte,
             };
-            Some((heard.at, client.push(stamped)?.message))
+            Some((received.at, client.push(stamped)?.message))
         })
         .collect()
 }
 
 /// The PING answers among them, as `(seq, time_usec)`.
-pub(crate) fn ping_answers(heard: &[ReceivedByte]) -> Vec<(u32, u64)> {
-    said(heard)
+pub(crate) fn ping_answers(received: &[ReceivedByte]) -> Vec<(u32, u64)> {
+    messages(received)
         .into_iter()
         .filter_map(|(_, what)| match what {
             Message::Ping { time_usec, seq, .. } => Some((seq, time_usec)),

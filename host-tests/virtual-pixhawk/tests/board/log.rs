@@ -1,10 +1,10 @@
-//! The log of a test over MAVLink: it is what the PINGs were told, whole, and the line carries PINGs
-//! and log as far as it can.
+//! The log of a test over MAVLink: it has every time that was answered to a PING, and the line
+//! carries PINGs and log up to its rate.
 
 use std::collections::BTreeMap;
 
 use crate::common::{
-    BAUD, BYTE_NS, MS, SECOND, image, ping_answers, pings, receiver_settings, said,
+    BAUD, BYTE_NS, MS, SECOND, image, messages, ping_answers, pings, receiver_settings,
 };
 use console::Status;
 use mavlink_node::client::{Client, Message};
@@ -45,33 +45,33 @@ fn whole_log(client: &mut Client) -> Frame {
     client.log_data(BOARD, 0, u32::MAX)
 }
 
-/// `count` PINGs, the first one at `from_ns`, so far apart.
+/// `count` PINGs, the first one at `from_ns`, `apart_ns` apart.
 fn some_pings(from_ns: u64, count: u64, apart_ns: u64) -> Vec<Transmission> {
     let at = (0..count).map(|n| WorldNanos(from_ns + n * apart_ns));
     pings(Version::V2, at)
 }
 
-/// A board with a receiver that hears all that.
-fn board(firmware: Firmware, heard: Vec<Transmission>) -> Pixhawk {
+/// A board with a receiver that is sent these requests.
+fn board(firmware: Firmware, requests: Vec<Transmission>) -> Pixhawk {
     Builder::new(firmware)
         .crystal_ppb(-8_000)
         .gps(Receiver::new(receiver_settings()))
-        .telem1(Script::new(heard))
+        .telem1(Script::new(requests))
         .power_on()
         .unwrap()
 }
 
-/// What the board has said since the last call, and in between its last status line.
-fn heard(board: &mut Pixhawk) -> (Vec<ReceivedByte>, Status) {
+/// What the board has sent since the last call, and its last status line.
+fn received(board: &mut Pixhawk) -> (Vec<ReceivedByte>, Status) {
     let log = board.take_log().unwrap();
     let mut statuses = log.iter().filter_map(|l| Status::parse(&l.line.text));
     let status = statuses.next_back().expect("a status each second");
     (board.take_received(Connector::Telem1).unwrap(), status)
 }
 
-/// The pieces of the log among what was said, by where they begin.
-fn pieces(heard: &[ReceivedByte]) -> BTreeMap<u32, Vec<u8>> {
-    let what = said(heard).into_iter().map(|(_, what)| what);
+/// The pieces of the log among what was received, by where they begin.
+fn pieces(received: &[ReceivedByte]) -> BTreeMap<u32, Vec<u8>> {
+    let what = messages(received).into_iter().map(|(_, what)| what);
     what.filter_map(|what| match what {
         Message::LogData {
             offset,
@@ -114,8 +114,8 @@ fn lines(file: &[u8]) -> Vec<(u32, u64, u64, String)> {
         .collect()
 }
 
-/// Asserts that a file has a line for each PING that was answered, with what it was told.
-fn assert_is_what_was_told(file: &[u8], answers: &[(u32, u64)]) {
+/// Asserts that a file has a line for each PING that was answered, with the time that was answered.
+fn assert_has_the_answers(file: &[u8], answers: &[(u32, u64)]) {
     let lines = lines(file);
     assert_eq!(lines.len(), answers.len());
     for ((sequence, ping_us, board_ns, state), &(seq, time_usec)) in lines.iter().zip(answers) {
@@ -127,9 +127,9 @@ fn assert_is_what_was_told(file: &[u8], answers: &[(u32, u64)]) {
     }
 }
 
-/// The last value of a parameter that was told.
-fn parameter(heard: &[ReceivedByte], wanted: Parameter) -> Option<f32> {
-    let what = said(heard).into_iter().map(|(_, what)| what);
+/// The last value of a parameter that was sent.
+fn parameter(received: &[ReceivedByte], wanted: Parameter) -> Option<f32> {
+    let what = messages(received).into_iter().map(|(_, what)| what);
     what.rev().find_map(|what| match what {
         Message::Parameter { name, value, .. } if Parameter::named(name) == Some(wanted) => {
             Some(value)
@@ -138,9 +138,9 @@ fn parameter(heard: &[ReceivedByte], wanted: Parameter) -> Option<f32> {
     })
 }
 
-/// The texts that were told.
-fn texts(heard: &[ReceivedByte]) -> Vec<String> {
-    let what = said(heard).into_iter().map(|(_, what)| what);
+/// The texts that were sent.
+fn texts(received: &[ReceivedByte]) -> Vec<String> {
+    let what = messages(received).into_iter().map(|(_, what)| what);
     what.filter_map(|what| match what {
         Message::StatusText { text, .. } => Some(text.as_str().to_owned()),
         _ => None,
@@ -148,9 +148,9 @@ fn texts(heard: &[ReceivedByte]) -> Vec<String> {
     .collect()
 }
 
-/// The results of commands that were told.
-fn results(heard: &[ReceivedByte]) -> Vec<u8> {
-    let what = said(heard).into_iter().map(|(_, what)| what);
+/// The results of commands that were sent.
+fn results(received: &[ReceivedByte]) -> Vec<u8> {
+    let what = messages(received).into_iter().map(|(_, what)| what);
     what.filter_map(|what| match what {
         Message::CommandAck { command, result } => {
             assert_eq!(command, 31_010);
@@ -162,7 +162,7 @@ fn results(heard: &[ReceivedByte]) -> Vec<u8> {
 }
 
 #[test]
-fn the_log_over_the_line_is_what_the_pings_were_told() {
+fn the_log_over_the_line_has_every_answer() {
     let Some(firmware) = image() else { return };
     for version in [Version::V1, Version::V2] {
         // Before the clock is set and after, until 4 s.
@@ -181,12 +181,12 @@ fn the_log_over_the_line_is_what_the_pings_were_told() {
         ));
         let mut board = board(firmware.clone(), telem1);
         board.run_to(WorldNanos(8 * SECOND - 100 * MS)).unwrap();
-        let (heard_first, _) = heard(&mut board);
-        let answers = ping_answers(&heard_first);
+        let (received_first, _) = received(&mut board);
+        let answers = ping_answers(&received_first);
         assert_eq!(answers.len(), 350);
-        assert_eq!(results(&heard_first), [Message::ACCEPTED]);
+        assert_eq!(results(&received_first), [Message::ACCEPTED]);
         let size = 351 * csv::LINE;
-        let entries: Vec<_> = said(&heard_first)
+        let entries: Vec<_> = messages(&received_first)
             .into_iter()
             .filter_map(|(_, what)| match what {
                 Message::LogEntry { id, logs, size, .. } => Some((id, logs, size as usize)),
@@ -195,12 +195,12 @@ fn the_log_over_the_line_is_what_the_pings_were_told() {
             .collect();
         assert_eq!(entries, [(1, 1, size)]);
 
-        let file = file(pieces(&heard_first));
-        assert_is_what_was_told(&file, &answers);
+        let file = file(pieces(&received_first));
+        assert_has_the_answers(&file, &answers);
         // A frame has up to 109 bytes for 90 of the file: it took little longer than that.
         let is_data = |what: &Message| matches!(what, Message::LogData { .. });
-        let said = said(&heard_first);
-        let (last, _) = said.iter().rfind(|(_, what)| is_data(what)).unwrap();
+        let messages = messages(&received_first);
+        let (last, _) = messages.iter().rfind(|(_, what)| is_data(what)).unwrap();
         let least_ns = size.div_ceil(90) as u64 * 109 * BYTE_NS;
         let took_ns = last.0 - 4_300 * MS;
         println!("{version:?}: {size} bytes in {} ms", took_ns / MS);
@@ -208,7 +208,7 @@ fn the_log_over_the_line_is_what_the_pings_were_told() {
 
         // What a client missed, it has again.
         board.run_for(SECOND).unwrap();
-        let again: Vec<u8> = pieces(&heard(&mut board).0)
+        let again: Vec<u8> = pieces(&received(&mut board).0)
             .into_values()
             .flatten()
             .collect();
@@ -225,8 +225,8 @@ fn no_ping_is_lost_at_100_hz_while_the_log_flows() {
     telem1.extend(requests(Version::V2, [ask]));
     let mut board = board(firmware, telem1);
     board.run_to(WorldNanos(15 * SECOND + 500 * MS)).unwrap();
-    let (heard, status) = heard(&mut board);
-    let answers = ping_answers(&heard);
+    let (received, status) = received(&mut board);
+    let answers = ping_answers(&received);
     let numbers: Vec<u32> = answers.iter().map(|&(seq, _)| seq).collect();
     assert_eq!(numbers, (0..1_400).collect::<Vec<_>>());
     for key in [
@@ -237,13 +237,13 @@ fn no_ping_is_lost_at_100_hz_while_the_log_flows() {
     ] {
         assert_eq!(status.get(key), None, "{status:?}");
     }
-    let pieces = pieces(&heard);
+    let pieces = pieces(&received);
     assert!(pieces.len() > 300, "{} pieces", pieces.len());
     let file = file(pieces);
     let whole = file.len() / csv::LINE * csv::LINE;
-    let told = whole / csv::LINE - 1;
-    assert!(told >= 700, "all samples of before it was asked for");
-    assert_is_what_was_told(&file[..whole], &answers[..told]);
+    let samples = whole / csv::LINE - 1;
+    assert!(samples >= 700, "all samples of before it was asked for");
+    assert_has_the_answers(&file[..whole], &answers[..samples]);
 }
 
 #[test]
@@ -268,14 +268,14 @@ fn what_is_frozen_stays_and_what_begins_is_empty() {
     let mut board = board(firmware, telem1);
     // PINGs at 3.00, 3.05 … 4.00 s are in the first test.
     board.run_to(WorldNanos(6 * SECOND)).unwrap();
-    let (first, _) = heard(&mut board);
+    let (first, _) = received(&mut board);
     assert_eq!(parameter(&first, Parameter::LogLen), Some(21.0));
     let answers = ping_answers(&first);
     assert!(answers.len() > 50, "they are answered all the same");
-    assert_is_what_was_told(&file(pieces(&first)), &answers[..21]);
+    assert_has_the_answers(&file(pieces(&first)), &answers[..21]);
     // Those from 6.05 to 7.00 s in the second one.
     board.run_to(WorldNanos(9 * SECOND)).unwrap();
-    let (second, _) = heard(&mut board);
+    let (second, _) = received(&mut board);
     assert_eq!(parameter(&second, Parameter::LogLen), Some(0.0));
     assert_eq!(results(&second), [Message::ACCEPTED; 2]);
     let tested: Vec<_> = ping_answers(&second)
@@ -283,7 +283,7 @@ fn what_is_frozen_stays_and_what_begins_is_empty() {
         .filter(|(seq, _)| (61..=80).contains(seq))
         .collect();
     assert_eq!(tested.len(), 20);
-    assert_is_what_was_told(&file(pieces(&second)), &tested);
+    assert_has_the_answers(&file(pieces(&second)), &tested);
 }
 
 #[test]
@@ -295,15 +295,15 @@ fn the_parameters_are_those_of_the_image() {
         let telem1 = requests(version, listed);
         let mut board = board(firmware.clone(), telem1);
         board.run_to(WorldNanos(3_500 * MS)).unwrap();
-        let (heard, _) = heard(&mut board);
-        let values = Parameter::ALL.map(|wanted| parameter(&heard, wanted).expect("a value"));
-        // pixclock's way, 50 µs, 115200, the message, an empty log.
+        let (received, _) = received(&mut board);
+        let values = Parameter::ALL.map(|wanted| parameter(&received, wanted).expect("a value"));
+        // Variant pixclock, 50 µs, 115200, the message, an empty log.
         assert_eq!(values, [0.0, 50.0, 115_200.0, 1.0, 0.0, 0.0]);
     }
 }
 
 #[test]
-fn a_full_log_says_so() {
+fn a_full_log_is_announced_once() {
     let Some(firmware) = image() else { return };
     const BEYOND: usize = 100;
     let count = (CAPACITY + BEYOND) as u64;
@@ -317,15 +317,21 @@ fn a_full_log_says_so() {
     ));
     let mut board = board(firmware, telem1);
     board.run_to(WorldNanos(end_ns + 2 * SECOND)).unwrap();
-    let (heard, status) = heard(&mut board);
-    assert_eq!(ping_answers(&heard).len(), CAPACITY + BEYOND);
-    assert_eq!(parameter(&heard, Parameter::LogLen), Some(CAPACITY as f32));
-    assert_eq!(parameter(&heard, Parameter::LogMissed), Some(BEYOND as f32));
-    let said_so = texts(&heard)
+    let (received, status) = received(&mut board);
+    assert_eq!(ping_answers(&received).len(), CAPACITY + BEYOND);
+    assert_eq!(
+        parameter(&received, Parameter::LogLen),
+        Some(CAPACITY as f32)
+    );
+    assert_eq!(
+        parameter(&received, Parameter::LogMissed),
+        Some(BEYOND as f32)
+    );
+    let announced = texts(&received)
         .iter()
         .filter(|text| *text == "log full")
         .count();
-    assert_eq!(said_so, 1, "{:?}", texts(&heard));
+    assert_eq!(announced, 1, "{:?}", texts(&received));
     assert_eq!(status.get("mav_outgoing_full"), None);
 }
 
@@ -350,23 +356,23 @@ fn at_the_lines_limit_answers_are_missing_where_the_line_is_full_and_counted() {
     telem1.extend(requests(Version::V2, [ask]));
     let mut board = board(firmware, telem1);
     board.run_to(start).unwrap();
-    let (before, status_before) = heard(&mut board);
+    let (before, status_before) = received(&mut board);
     assert_eq!(ping_answers(&before), []);
     assert_eq!(status_before.get("mav_outgoing_full"), None);
     board.run_to(WorldNanos(end.0 + 25 * SECOND)).unwrap();
-    let (heard, status) = heard(&mut board);
-    let answers = ping_answers(&heard);
+    let (received, status) = received(&mut board);
+    let answers = ping_answers(&received);
     let missing = COUNT as usize - answers.len();
     println!("{missing} of {COUNT} answers found no room");
     assert_eq!(
         status.number("pings"),
         Some(COUNT.into()),
-        "every one was heard"
+        "every one has arrived"
     );
     for key in ["mav_overrun", "mav_incoming_full", "mav_crc_failures"] {
         assert_eq!(status.get(key), None, "{status:?}");
     }
-    // Each that is missing is counted; what is told each second may be, too.
+    // Each that is missing is counted; what is sent each second may be, too.
     let refused = status.number("mav_outgoing_full").unwrap_or(0) as usize;
     let seconds = ((end.0 - start.0) / SECOND + 1) as usize;
     assert!(missing > 0 && refused >= missing, "{refused} {missing}");
@@ -374,12 +380,15 @@ fn at_the_lines_limit_answers_are_missing_where_the_line_is_full_and_counted() {
     // And none was missing while the line had room: it never paused.
     // Once the first answers were on it, that is.
     let flood = start.0 + 50 * MS..end.0;
-    let flooded: Vec<_> = heard.iter().filter(|h| flood.contains(&h.at.0)).collect();
+    let flooded: Vec<_> = received
+        .iter()
+        .filter(|h| flood.contains(&h.at.0))
+        .collect();
     let longest_ns = flooded
         .windows(2)
         .map(|pair| pair[1].at.0 - pair[0].at.0)
         .max();
     assert!(longest_ns < Some(2 * BYTE_NS), "{longest_ns:?}");
     // What was answered is in the log, and nothing else.
-    assert_is_what_was_told(&file(pieces(&heard)), &answers);
+    assert_has_the_answers(&file(pieces(&received)), &answers);
 }

@@ -1,8 +1,8 @@
 //! Tests of the flashed image on the virtual board: one program, so that the emulator
 //! is linked once.
 //!
-//! `cargo xtask board-test` builds the images and says where they are; without it every
-//! test here is skipped and says so.
+//! `cargo xtask board-test` builds the images and hands their paths over; without it every
+//! test here is skipped, with a line that names it.
 
 #[cfg(test)]
 mod boot;

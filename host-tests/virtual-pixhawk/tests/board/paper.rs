@@ -1,4 +1,4 @@
-//! The paper's variants: each boots with its priorities and its tick, tells whole ticks, sets its
+//! The paper's variants: each boots with its priorities and its tick, answers in whole ticks, sets its
 //! clock at every NAV-PVT, and is late by the frame's time on the wire and its wait.
 //!
 //! The bounds are the flow's own arithmetic: a poll sees bytes within a ms, the wait is what PX4
@@ -73,7 +73,7 @@ const CASES: [Case; 6] = [
 
 impl Case {
     /// The image that `cargo xtask board-test` hands over; `None` if the test has to be skipped,
-    /// which has been said.
+    /// which has been printed.
     fn image(&self) -> Option<Firmware> {
         let name = self
             .variant
@@ -287,7 +287,7 @@ fn a_clock_is_late_by_the_frame_and_the_wait_and_set_by_every_nav_pvt() {
             found.total_ns.len()
         );
         assert!(found.after_frame_ns.len() > 250, "{case:?}");
-        // Never before the frame has come, and what is told is the last tick's time.
+        // Never before the frame has come, and the answer is the last tick's time.
         let least_ns = found.after_frame_ns.iter().min().unwrap();
         assert!(*least_ns >= -case.tick_ns(), "{case:?}: {least_ns}");
         // Seen within a ms, and read a wait later.

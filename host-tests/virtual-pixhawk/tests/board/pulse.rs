@@ -24,7 +24,7 @@ fn board(firmware: &Firmware, crystal_ppb: i32, settings: &ReceiverSettings) -> 
         .unwrap()
 }
 
-/// A capture is told to a count of the timer, 2 cycles, and the board's count is read
+/// A capture is known to a count of the timer, 2 cycles, and the board's count is read
 /// from outside to one.
 const CAPTURE_CYCLES: f64 = 3.0;
 
@@ -38,10 +38,10 @@ fn the_capture_of_each_edge_is_the_moment_at_which_it_came() {
         for Pulse { edge, .. } in Pulses::new(&settings).skip(1).take(12) {
             board.run_to(WorldNanos(edge.0 + 500_000)).unwrap();
             let clock = board.clock().unwrap();
-            let told = board.captured_edge(clock.cycles).unwrap();
+            let edge = board.captured_edge(clock.cycles).unwrap();
             let since_edge_s = (clock.at.0 - edge.0) as f64 * 1e-9;
             let truth = since_edge_s * core_hz(crystal_ppb);
-            let off = clock.cycles.since(told) as f64 - truth;
+            let off = clock.cycles.since(edge) as f64 - truth;
             worst = worst.max(off.abs());
         }
         println!("{crystal_ppb} ppb: within {worst:.2} cycles");

@@ -76,7 +76,7 @@ fn holds_for(tick_us: u64) {
     timers_are_prompt(&firmware, tick_us);
     let expected = 1_000_000 / tick_us;
     let counted = ticks_a_second(&firmware, 0);
-    // The meter is not told of an interrupt's end while the core sleeps on from it, so
+    // The meter does not see an interrupt's end while the core sleeps on from it, so
     // that it may miss one at either end of the second.
     assert!(counted.abs_diff(expected) <= 2, "{counted} of {expected}");
     let fast = ticks_a_second(&firmware, 500_000);

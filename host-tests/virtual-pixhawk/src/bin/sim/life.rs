@@ -8,8 +8,8 @@
 //! UTC by the board less UTC in the world is its error. All boards are stopped at the same moments,
 //! so the difference of two errors is what two aircraft would disagree by.
 //!
-//! *Limits.* A reading is good to 24 ns, and up to 16 µs later than the second, which is allowed for
-//! in the error. In the paper's variants a reader on the board sees the clock at its last tick, up
+//! *Limits.* A reading is good to 24 ns. It is taken up to 16 µs after the second; the error is that
+//! of its own moment. In the paper's variants a reader on the board has the time of the last tick, up
 //! to a tick older than this.
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -47,7 +47,7 @@ pub struct Life {
 }
 
 impl Life {
-    /// Runs the board until its time is over or `asked_to_end`, and tells how it fared.
+    /// Runs the board until its time is over or `asked_to_end`.
     ///
     /// # Errors
     ///

@@ -176,7 +176,8 @@ fn a_log_may_grow_or_shrink_while_it_is_sent() {
 }
 
 proptest! {
-    /// A line that loses frames: a client that asks again for what is missing has it all in the end.
+    /// A line that loses frames: a client that asks again for what is missing has it all in the
+    /// end.
     #[test]
     fn a_log_with_gaps_is_completed(
         len in 1..5_000_usize,

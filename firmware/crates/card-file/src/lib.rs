@@ -7,9 +7,9 @@
 //! - [`save`], which writes the file and returns the number in its name;
 //! - [`NotSaved`], the reason if it could not.
 //!
-//! *Design.* `volume.rs` checks the card before anything is written, `medium.rs` guards each access,
-//! and the file system is `embedded-sdmmc`'s. The card is a trait object, so that all of this is
-//! compiled once, for size. On a host it is tested with damaged images and with cards that
+//! *Design.* `volume.rs` checks the card before anything is written, `medium.rs` guards each
+//! access, and the file system is `embedded-sdmmc`'s. The card is a trait object, so that all of
+//! this is compiled once, for size. On a host it is tested with damaged images and with cards that
 //! fail at any block.
 //!
 //! *Limits.* A card that is pulled while it is written keeps an empty file of that name, and lost

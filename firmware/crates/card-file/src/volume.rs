@@ -1,12 +1,12 @@
 //! The FAT volume on a card: what has to be known of it before anything is written.
 //!
-//! *Purpose.* [`Volume::on`] checks that there is one that can be trusted, [`Volume::has_room`] that
-//! the file fits, before [`embedded_sdmmc`] begins.
+//! *Purpose.* [`Volume::on`] checks that there is one that can be trusted, [`Volume::has_room`]
+//! that the file fits, before [`embedded_sdmmc`] begins.
 //!
 //! *Design.* `embedded-sdmmc` 0.10 does not check the sizes on a card. It divides by the size of a
 //! cluster, so a 0 there would be a panic. Its search for a free cluster goes on behind the last
-//! cluster of the volume, up to the end of the table's last block. Both are excluded here: sizes are
-//! checked, and room for the whole file is found before the first byte, so that the search ends
+//! cluster of the volume, up to the end of the table's last block. Both are excluded here: sizes
+//! are checked, and room for the whole file is found before the first byte, so that the search ends
 //! within the volume.
 //!
 //! *Limits.* The first partition of a master boot record, as cards are sold and as cameras format
@@ -105,8 +105,8 @@ impl Volume {
         })
     }
 
-    /// Whether a file of `bytes` fits, together with two clusters more: one by which the directory may
-    /// grow, and one at which the search for a next cluster ends.
+    /// Whether a file of `bytes` fits, together with two clusters more: one by which the directory
+    /// may grow, and one at which the search for a next cluster ends.
     ///
     /// # Errors
     ///
@@ -140,8 +140,8 @@ impl Volume {
         block >= self.first && block - self.first < self.blocks
     }
 
-    /// Removes the hint from a block that was read. Without it the search begins at the first cluster,
-    /// so that it finds a free one before the end of the volume.
+    /// Removes the hint from a block that was read. Without it the search begins at the first
+    /// cluster, so that it finds a free one before the end of the volume.
     pub(crate) fn without_hint(&self, number: u32, block: &mut [u8; BLOCK]) {
         if self.hints == Some(number)
             && let Some(hint) = block.get_mut(492..496)

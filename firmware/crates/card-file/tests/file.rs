@@ -100,7 +100,8 @@ fn a_number_is_never_given_twice_and_the_last_one_is_the_end() {
     assert_eq!(save_on(&mut disk, 10), Err(NotSaved::Full));
 }
 
-/// A card on which the clusters behind the first `free` bytes are taken, and which hints at its end.
+/// A card on which the clusters behind the first `free` bytes are taken, and which hints at its
+/// end.
 fn nearly_full(kind: Kind, free: usize) -> Vec<u8> {
     let mut image = fat_image::formatted(kind);
     fat_image::put(&mut image, "first.bin", free);

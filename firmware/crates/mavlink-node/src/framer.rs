@@ -100,9 +100,9 @@ impl FramingCounters {
     };
 }
 
-/// Looks for the frames that `W` wants, with payloads of up to `PAYLOAD` bytes. `RING` is the number
-/// of positions that have a cell, a power of two: room for the bytes of the longest frame that is
-/// arriving, and for the ends of candidates that begin in it.
+/// Looks for the frames that `W` wants, with payloads of up to `PAYLOAD` bytes. `RING` is the
+/// number of positions that have a cell, a power of two: room for the bytes of the longest frame
+/// that is arriving, and for the ends of candidates that begin in it.
 #[derive(Debug)]
 pub struct Framer<W, const PAYLOAD: usize = MAX_PAYLOAD, const RING: usize = 128> {
     cells: Ring<Cell, RING>,
@@ -164,9 +164,9 @@ impl Word {
     }
 }
 
-/// A window whose header is that of a wanted frame: the [`remainder`] that it needs at its last byte
-/// (bits 0 to 15), its length (bits 16 to 23), and whether it displaced another candidate with the
-/// same end (bit 24).
+/// A window whose header is that of a wanted frame: the [`remainder`] that it needs at its last
+/// byte (bits 0 to 15), its length (bits 16 to 23), and whether it displaced another candidate with
+/// the same end (bit 24).
 #[derive(Clone, Copy, Debug)]
 struct Candidate(u32);
 

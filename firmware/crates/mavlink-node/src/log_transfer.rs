@@ -29,8 +29,8 @@ pub trait LogFile {
     /// When the log was begun, in ns of UTC since 1970, if it was and that is known.
     fn log_began_ns(&self) -> Option<i64>;
 
-    /// Fills `out` with the file from `offset` on, and returns the number of bytes: fewer than `out`
-    /// has room for at the end of the file.
+    /// Fills `out` with the file from `offset` on, and returns the number of bytes: fewer than
+    /// `out` has room for at the end of the file.
     fn read_log(&self, offset: u32, out: &mut [u8]) -> usize;
 }
 

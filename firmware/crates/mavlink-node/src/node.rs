@@ -174,8 +174,8 @@ impl Node {
     }
 
     /// Takes a byte that was stamped at most 24 s before `now`, or up to 1 s after it (bytes may
-    /// come while a queue is emptied, for which `now` was read once). A request is to be answered with
-    /// [`Self::answer`], or dropped where there is no room for an answer. After each call
+    /// come while a queue is emptied, for which `now` was read once). A request is to be answered
+    /// with [`Self::answer`], or dropped where there is no room for an answer. After each call
     /// [`Self::poll`] may have something to send.
     #[inline]
     pub fn push(&mut self, byte: StampedByte, now: Cycles) -> Option<Request> {

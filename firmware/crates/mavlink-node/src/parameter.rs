@@ -5,8 +5,8 @@
 //!
 //! *Design.* A request is noted as a bit for each parameter that it wants, so that a second request
 //! costs nothing. The values are looked up and sent one at a time, when the line has room
-//! ([`Node::poll`](crate::Node::poll)). All values are REAL32, which every client understands. Each of
-//! ours is a whole number below 2^24, which such a value holds exactly.
+//! ([`Node::poll`](crate::Node::poll)). All values are REAL32, which every client understands. Each
+//! of ours is a whole number below 2^24, which such a value holds exactly.
 //!
 //! *Limits.* PARAM_SET changes nothing. It is answered with the present value, which is how MAVLink
 //! refuses it.

@@ -1,7 +1,7 @@
 //! The payload of a PING, the same in a request and in an answer.
 //!
-//! The type of `mavlink` is marked as deprecated, since the MAVLink guide prefers TIMESYNC, so it is
-//! named in this file only.
+//! The type of `mavlink` is marked as deprecated, since the MAVLink guide prefers TIMESYNC, so it
+//! is named in this file only.
 #![expect(deprecated, reason = "PING is what this project answers")]
 
 use mavlink::dialects::common::PING_DATA;

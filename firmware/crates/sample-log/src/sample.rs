@@ -1,8 +1,8 @@
 //! A sample, and the 16 bytes in which it is kept.
 //!
 //! *Design.* Four words: the board's time in two, the PING's time since the first one's, and a word
-//! with 24 bits of sequence number, two of state and six of uncertainty. The uncertainty is coded by
-//! its logarithm, in steps of √2, rounded up, so that an interval that holds UTC still does.
+//! with 24 bits of sequence number, two of state and six of uncertainty. The uncertainty is coded
+//! by its logarithm, in steps of √2, rounded up, so that an interval that holds UTC still does.
 
 use timebase::ClockState;
 

@@ -26,7 +26,8 @@ pub const RATIO: u64 = 2;
 /// Core cycles from a count of 0 to the next: 780 µs.
 const ROUND: u64 = RATIO << u16::BITS;
 
-/// How far in the future an edge may seem to be, in cycles, because of the error of the phase: 6 µs.
+/// How far in the future an edge may seem to be, in cycles, because of the error of the phase: 6
+/// µs.
 const AHEAD: u64 = 1 << 10;
 
 /// How old an edge may be when it is extended, in cycles.

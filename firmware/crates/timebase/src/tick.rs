@@ -5,7 +5,8 @@
 //!
 //! *The race.* SysTick counts down and pends its exception when it wraps, but only once, even if
 //! several wraps pass. A reader that adds the counter to a software count of wraps has to know
-//! whether the last wrap has been counted yet, and no flag of SysTick has the number of those that were not.
+//! whether the last wrap has been counted yet, and no flag of SysTick has the number of those that
+//! were not.
 //!
 //! *Design.* The software keeps an *anchor*: the time of a wrap, and what a second,
 //! free-running 32-bit counter of the same clock (the *witness*, TIM5) showed

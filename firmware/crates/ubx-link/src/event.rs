@@ -51,9 +51,9 @@ pub enum Event {
     },
 }
 
-/// `qErrInvalid` in the flags of a TIM-TP: `qErr` has no value. The bit is newer than the M8 (u-blox
-/// F9 interface descriptions), which has 0 there. In a recorded cold start it is set, and `qErr` is
-/// 0, until the start is over.
+/// `qErrInvalid` in the flags of a TIM-TP: `qErr` has no value. The bit is newer than the M8
+/// (u-blox F9 interface descriptions), which has 0 there. In a recorded cold start it is set, and
+/// `qErr` is 0, until the start is over.
 const QUANTISATION_UNKNOWN: u8 = 0x10;
 /// The offset of those flags in the payload, in bytes: `ublox` does not give their raw value.
 const TIM_TP_FLAGS: usize = 14;

@@ -15,9 +15,9 @@
 //! instructions a byte for good frames, 33 for NMEA, 59 for headers without end; a poll without a
 //! byte is 54.
 //!
-//! A frame that was cut short would wait for bytes of the next one. It fails when those come. If the
-//! line is silent for [`Link::IDLE`] instead, its bytes are removed, so that an answer behind it
-//! does not wait for the next solution.
+//! A frame that was cut short would wait for bytes of the next one. It fails when those come. If
+//! the line is silent for [`Link::IDLE`] instead, its bytes are removed, so that an answer behind
+//! it does not wait for the next solution.
 //!
 //! *Limits.* An event does not wait for bytes behind it, except for those of a longer frame that
 //! begins before it and may still prove to be whole.
@@ -122,8 +122,8 @@ impl Link {
         self.counters
     }
 
-    /// Takes bytes of the line, as many as there is room for, and returns how many. There is room for
-    /// [`Self::ROOM`] after [`Self::poll`] has returned `None`.
+    /// Takes bytes of the line, as many as there is room for, and returns how many. There is room
+    /// for [`Self::ROOM`] after [`Self::poll`] has returned `None`.
     #[inline]
     pub fn push(&mut self, bytes: &[StampedByte]) -> usize {
         self.window.fill(bytes)

@@ -3,10 +3,10 @@
 //! *Purpose.* A receiver with any settings is brought to our rate and NAV-PVT alone, and again
 //! after it has restarted; with TIM-TP beside it while forecasts of the pulse are wanted.
 //!
-//! *Design.* A state machine without I/O. [`Session::poll`] returns what to do next. The caller does
-//! it, passes on every event of the receiver ([`Session::handle_event`]), and reports when the last
-//! bit has left ([`Session::handle_sent`]): before that the session does nothing, and above all
-//! does not change the rate.
+//! *Design.* A state machine without I/O. [`Session::poll`] returns what to do next. The caller
+//! does it, passes on every event of the receiver ([`Session::handle_event`]), and reports when the
+//! last bit has left ([`Session::handle_sent`]): before that the session does nothing, and above
+//! all does not change the rate.
 //!
 //! An *attempt* sends CFG-PRT at one rate, changes to ours, gives the receiver time to do the same,
 //! and sends the first setting there. The answer to CFG-PRT is not waited for, because its rate is
@@ -37,12 +37,12 @@ const SETTINGS: [Setting; 4] = [
     Setting::Pulse,
 ];
 
-/// How long an answer is waited for, in cycles: 400 ms. PX4 waits 250 ms (`PX4-GPSDrivers`, `ubx.h`);
-/// at the factory's one epoch a second some receivers take longer.
+/// How long an answer is waited for, in cycles: 400 ms. PX4 waits 250 ms (`PX4-GPSDrivers`,
+/// `ubx.h`); at the factory's one epoch a second some receivers take longer.
 const ANSWER: u64 = millis(400);
 
-/// From the end of CFG-PRT to the first frame at our rate, in cycles: 100 ms. The receiver changes its
-/// rate after it has processed the frame.
+/// From the end of CFG-PRT to the first frame at our rate, in cycles: 100 ms. The receiver changes
+/// its rate after it has processed the frame.
 const SETTLE: u64 = millis(100);
 
 const fn millis(ms: u64) -> u64 {

@@ -41,6 +41,10 @@ pub struct Totals {
 }
 
 /// Plays `flight` from 0 to its last event and hands each reading to `each`.
+///
+/// # Panics
+///
+/// Never: the timeline is its own, so its writer is there to be taken.
 pub fn play(flight: &Flight, _setup: &Setup, mut each: impl FnMut(&Reading)) -> Totals {
     let line = Published::new();
     let settings =

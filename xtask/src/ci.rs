@@ -1,6 +1,6 @@
 //! `ci`: everything that has to hold, in one go.
 //!
-//! *Purpose.* The [steps](steps) one after the other, or side by side where they mostly wait; the
+//! *Purpose.* The [steps] one after the other, or side by side where they mostly wait; the
 //! first that fails ends it.
 //!
 //! *Design.* A step in turn writes where we do. Of steps side by side, all that one wrote is printed

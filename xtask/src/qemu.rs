@@ -2,7 +2,7 @@
 //!
 //! *Purpose.* As `sim`, with an emulator that other people made.
 //!
-//! *Design.* Each board is a [QEMU](machine) process, a thread that [plays](player) its receiver and
+//! *Design.* Each board is a [QEMU](machine) process, a thread that [plays](player()) its receiver and
 //! a thread that reads its log. QEMU's time is this host's, so this host's clock is the reference:
 //! the time in a status line is compared with the host's at the moment at which the line is read.
 //!

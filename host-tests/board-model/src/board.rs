@@ -23,9 +23,9 @@ pub struct Board {
     pub clock: UtcClock<'static>,
     /// What its readers see.
     pub timeline: &'static Published,
-    /// True time since the start. [ns]
+    /// True time since the start. \[ns\]
     pub now_ns: i64,
-    /// From reading to reading while time passes; `None` for no reading. [ns]
+    /// From reading to reading while time passes; `None` for no reading. \[ns\]
     pub read_every_ns: Option<i64>,
     /// Every reading since the clock was set.
     pub samples: Vec<Sample>,
@@ -184,13 +184,13 @@ impl Board {
         reading
     }
 
-    /// The clock's error now: its reading less UTC. [ns]
+    /// The clock's error now: its reading less UTC. \[ns\]
     pub fn error_ns(&mut self) -> i64 {
         let truth = self.truth();
         self.read().utc.since(truth)
     }
 
-    /// The clock's frequency less the one that compensates the crystal. [ppb]
+    /// The clock's frequency less the one that compensates the crystal. \[ppb\]
     pub fn frequency_error_ppb(&mut self) -> f64 {
         f64::from(self.clock.frequency().0) - self.right_ppb()
     }

@@ -12,9 +12,9 @@ use crate::time::{FORECAST_AHEAD_NS, FORECAST_NS, FRAME_NS, PULSE_TASK_NS};
 /// Something that happens to a board. Times are true time since the start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Event {
-    /// The moment that its stamp shows. [ns]
+    /// The moment that its stamp shows. \[ns\]
     pub stamped_ns: i64,
-    /// The moment at which its task handles it. [ns]
+    /// The moment at which its task handles it. \[ns\]
     pub handled_ns: i64,
     /// What it is.
     pub kind: EventKind,
@@ -32,7 +32,7 @@ pub enum EventKind {
     Pulse,
     /// TIM-TP, for the next pulse.
     Forecast {
-        /// How late that pulse will be. [ps]
+        /// How late that pulse will be. \[ps\]
         late_ps: i32,
     },
 }

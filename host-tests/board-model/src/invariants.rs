@@ -70,7 +70,7 @@ pub(crate) struct Checked {
 #[derive(Debug)]
 pub struct Invariants {
     /// How much worse than the crystal's own error the frequency may be, 100 ppm unless it is set;
-    /// infinite where the crystal is not known. [ppb]
+    /// infinite where the crystal is not known. \[ppb\]
     pub margin_ppb: f64,
     on_violation: OnViolation,
     last: Option<Checked>,

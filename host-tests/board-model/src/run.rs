@@ -14,9 +14,9 @@ use crate::{Sample, Scenario, good_mark};
 pub struct Run {
     /// The board.
     pub board: Board,
-    /// The stamp of each mark, and what it did. [ns]
+    /// The stamp of each mark, and what it did. \[ns\]
     pub marks: Vec<(i64, Outcome)>,
-    /// The stamp of each pulse, and what it did. [ns]
+    /// The stamp of each pulse, and what it did. \[ns\]
     pub pulses: Vec<(i64, PulseOutcome)>,
     floor_ns: i64,
     events: Peekable<Box<dyn Iterator<Item = Event>>>,
@@ -89,7 +89,7 @@ impl Run {
         self.until(self.board.now_ns + seconds * SECOND);
     }
 
-    /// The clock's error against floor time now. [ns]
+    /// The clock's error against floor time now. \[ns\]
     pub fn floor_error_ns(&mut self) -> i64 {
         self.board.error_ns() + self.floor_ns
     }
@@ -122,7 +122,7 @@ impl Run {
     }
 
     /// Runs on until `until_s` and returns the largest error of the clock's frequency, looked at
-    /// once a second. [ppb]
+    /// once a second. \[ppb\]
     pub fn frequency_until_ppb(&mut self, until_s: i64) -> f64 {
         let mut worst = 0.0_f64;
         while self.board.now_ns < until_s * SECOND {

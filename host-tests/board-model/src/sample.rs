@@ -5,17 +5,17 @@ use utc_clock::ClockState;
 /// A reading of a set clock, and its error.
 #[derive(Clone, Copy, Debug)]
 pub struct Sample {
-    /// True time since the start. [ns]
+    /// True time since the start. \[ns\]
     pub at_ns: i64,
-    /// The reading less UTC. [ns]
+    /// The reading less UTC. \[ns\]
     pub error_ns: i64,
-    /// The uncertainty that the reading stated. [ns]
+    /// The uncertainty that the reading stated. \[ns\]
     pub uncertainty_ns: u32,
     /// Set, or in holdover.
     pub state: ClockState,
 }
 
-/// The largest error; `i64::MAX` of no sample at all. [ns]
+/// The largest error; `i64::MAX` of no sample at all. \[ns\]
 pub fn worst_ns(samples: impl IntoIterator<Item = Sample>) -> i64 {
     let errors = samples.into_iter().map(|sample| sample.error_ns.abs());
     errors.max().unwrap_or(i64::MAX)

@@ -19,7 +19,7 @@ pub struct Scenario {
     /// The receiver whose time pulse is wired, if any; most often the same one.
     pub pulse: Option<ReceiverSettings>,
     /// When messages are lost on the way, in true time since the start; `i64::MAX` is a loss
-    /// without an end. [ns]
+    /// without an end. \[ns\]
     pub messages_lost: Vec<Range<i64>>,
 }
 
@@ -60,7 +60,7 @@ impl Scenario {
         }
     }
 
-    /// How far floor time is behind UTC: the least latency, to the end of the first byte. [ns]
+    /// How far floor time is behind UTC: the least latency, to the end of the first byte. \[ns\]
     #[must_use]
     pub const fn floor_ns(&self) -> i64 {
         self.receiver.latency.least_ns.cast_signed() + BYTE_NS

@@ -17,7 +17,7 @@ use crate::figures::Figures;
 /// What can be bounded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quantity {
-    /// The mean difference. [ns]
+    /// The mean difference. \[ns\]
     Mean,
     /// 95 % of it.
     P95,
@@ -27,11 +27,11 @@ pub enum Quantity {
     Max,
     /// The largest mean of a trial.
     WorstMean,
-    /// The change of the difference from a loss to the window: 95 % of it. [ns]
+    /// The change of the difference from a loss to the window: 95 % of it. \[ns\]
     GrownP95,
     /// The largest change.
     GrownMax,
-    /// The rate over a minute, 99 % of it. [ppb]
+    /// The rate over a minute, 99 % of it. \[ppb\]
     Rate,
     /// The mean over that of the best baseline.
     MeanOverBaselines,

@@ -38,7 +38,7 @@ pub struct Figures {
     pub trials: usize,
     /// Ours first, then the baselines.
     pub rows: Vec<Row>,
-    /// The difference between the two floors in the window. [ns]
+    /// The difference between the two floors in the window. \[ns\]
     pub floors: Spread,
     /// Ours over that of the floors, both as means over all times.
     pub ever_over_floors: f64,
@@ -51,7 +51,7 @@ pub struct Figures {
     pub width: f64,
     /// How far the rates of whole minutes were off. [10⁻¹²]
     pub rates: Option<Spread>,
-    /// By how much the difference changed from a loss to the window. [ns]
+    /// By how much the difference changed from a loss to the window. \[ns\]
     pub grown: Option<Spread>,
     /// Readings that violate an invariant.
     pub violations: u32,
@@ -104,7 +104,7 @@ impl Figures {
         })
     }
 
-    /// The simulated time of all its boards together. [s]
+    /// The simulated time of all its boards together. \[s\]
     #[must_use]
     pub const fn simulated_s(&self) -> u64 {
         2 * self.trials as u64 * self.case.end_s()
@@ -132,7 +132,7 @@ impl Row {
         by as f64 / self.converged_at.len() as f64
     }
 
-    /// When 95 % of the trials had converged, after the start. [ns]
+    /// When 95 % of the trials had converged, after the start. \[ns\]
     #[must_use]
     pub fn converged_p95(&self) -> u64 {
         quantile(&self.converged_at, 0.95).unwrap_or(u64::MAX)

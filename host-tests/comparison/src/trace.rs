@@ -22,7 +22,7 @@ use crate::smooth::Smooth;
 use crate::spread::{Spread, quantile};
 
 /// The first line of a trace: the board's own time of an arrival and the UTC since
-/// 1970 that the message named. [µs]
+/// 1970 that the message named. \[µs\]
 pub const HEADER: &str = "local_us,gps_utc_us";
 
 /// From reading to reading. [ns]
@@ -59,7 +59,7 @@ impl fmt::Display for TraceError {
 
 impl std::error::Error for TraceError {}
 
-/// A message's arrival. [ns]
+/// A message's arrival. \[ns\]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Row {
     /// By the board's own time, the first at 1 s.
@@ -73,7 +73,7 @@ pub struct Row {
 pub struct Trace {
     /// The arrivals in their order.
     pub rows: Vec<Row>,
-    /// By how much it was moved forward. [days]
+    /// By how much it was moved forward. \[days\]
     pub lifted_days: i64,
 }
 
@@ -198,13 +198,13 @@ pub struct Track {
     /// The clock.
     pub name: &'static str,
     /// How far ahead of the smooth line it was at each moment; none while it was
-    /// unset. [ns]
+    /// unset. \[ns\]
     pub ahead: Vec<Option<i64>>,
 }
 
 impl Track {
     /// The median of how far it was ahead, and how it spread about that; none if it
-    /// was never set. [ns]
+    /// was never set. \[ns\]
     #[must_use]
     pub fn spread(&self) -> Option<(i64, Spread)> {
         let mut ahead: Vec<i64> = self.ahead.iter().flatten().copied().collect();
@@ -221,11 +221,11 @@ impl Track {
 /// The outcome of a trace.
 #[derive(Clone, Debug)]
 pub struct Replayed {
-    /// The moments at which the clocks were read: the board's own time. [ns]
+    /// The moments at which the clocks were read: the board's own time. \[ns\]
     pub at: Vec<i64>,
     /// Ours first, then the baselines.
     pub tracks: Vec<Track>,
-    /// Each arrival and how far ahead of the line its message was. [ns]
+    /// Each arrival and how far ahead of the line its message was. \[ns\]
     pub arrivals: Vec<(i64, i64)>,
     /// What ours counted.
     pub counters: utc_clock::Counters,

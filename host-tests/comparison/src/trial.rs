@@ -40,9 +40,9 @@ const STORED_UNCERTAINTY_PPB: i32 = 500;
 /// A candidate in a trial: the difference between its two boards.
 #[derive(Clone, Debug, Default)]
 pub struct Track {
-    /// Each one in the window. [ns]
+    /// Each one in the window. \[ns\]
     pub differences: Vec<u32>,
-    /// When it had converged, after the start. [ns]
+    /// When it had converged, after the start. \[ns\]
     pub converged_at: u64,
 }
 
@@ -50,9 +50,9 @@ pub struct Track {
 #[derive(Clone, Debug, Default)]
 pub struct Own {
     /// Each board's error in the window, against floor time or under the pulse
-    /// against UTC. [ns]
+    /// against UTC. \[ns\]
     pub errors: Vec<u32>,
-    /// The sum of the uncertainties published with them. [ns]
+    /// The sum of the uncertainties published with them. \[ns\]
     pub uncertainty_sum: u64,
     /// How many of the errors are within those.
     pub covered: u64,
@@ -61,7 +61,7 @@ pub struct Own {
     pub covered_utc: u64,
     /// How far the rate of each minute in the window was off. [10⁻¹²]
     pub rates: Vec<u32>,
-    /// By how much the difference changed from a loss to the window. [ns]
+    /// By how much the difference changed from a loss to the window. \[ns\]
     pub grown: Option<u32>,
     /// Readings that violate an invariant.
     pub violations: u32,
@@ -80,10 +80,10 @@ pub struct Trial {
     pub tracks: Vec<Track>,
     /// Ours in depth.
     pub own: Own,
-    /// How far apart the floors of the two receivers were in the window. [ns]
+    /// How far apart the floors of the two receivers were in the window. \[ns\]
     pub floors: Vec<u32>,
     /// Sums over all moments at which ours was set on both boards: of its
-    /// difference and of the floors'. [ns]
+    /// difference and of the floors'. \[ns\]
     pub ever: (u64, u64),
 }
 

@@ -118,7 +118,7 @@ impl Solver {
 /// A time mark without its bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arrival {
-    /// The epoch in its fields, UTC since 1970. [ns]
+    /// The epoch in its fields, UTC since 1970. \[ns\]
     pub epoch_utc_ns: i64,
     /// By how much that epoch is ahead of the true one, in ns: 0 unless the
     /// receiver has a [`TimeFault`].

@@ -20,7 +20,7 @@ use fastrand::Rng;
 use crate::WorldNanos;
 use crate::chance::{Stream, even, normal, stream};
 
-/// The frequency that the counter has by its data sheet. [Hz]
+/// The frequency that the counter has by its data sheet. \[Hz\]
 pub const NOMINAL_HZ: u64 = 168_000_000;
 /// The grid on which the frequency changes. [ns]
 const STEP_NS: u64 = 100_000_000;
@@ -46,7 +46,7 @@ pub enum Ramp {
     Switching {
         /// The first direction and how fast, in ppb a minute.
         ppb_per_min: f64,
-        /// From turn to turn. [ns]
+        /// From turn to turn. \[ns\]
         every_ns: u64,
     },
     /// Back and forth; from turn to turn it takes between half and one and a half
@@ -54,7 +54,7 @@ pub enum Ramp {
     Random {
         /// How fast, in ppb a minute.
         ppb_per_min: f64,
-        /// From turn to turn on average. [ns]
+        /// From turn to turn on average. \[ns\]
         every_ns: u64,
     },
 }
@@ -87,17 +87,17 @@ impl Ramp {
 /// What a [`Crystal`] is like.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CrystalSettings {
-    /// The frequency error that it starts with; positive is fast. [ppb]
+    /// The frequency error that it starts with; positive is fast. \[ppb\]
     pub offset_ppb: f64,
     /// White frequency noise: its Allan deviation at 1 s. At τ it is
-    /// smaller by √τ. [ppb]
+    /// smaller by √τ. \[ppb\]
     pub white_ppb: f64,
     /// Random walk of the frequency: the standard deviation of what it does in a
     /// second. [ppb/√s]
     pub walk_ppb: f64,
     /// What the temperature does to it.
     pub ramp: Ramp,
-    /// The time constant with which the crystal follows the temperature. [ns]
+    /// The time constant with which the crystal follows the temperature. \[ns\]
     pub thermal_lag_ns: u64,
 }
 
@@ -205,7 +205,7 @@ impl Crystal {
     ///
     /// # Panics
     ///
-    /// As [`Crystal::cycles_at`]. [ppb]
+    /// As [`Crystal::cycles_at`]. \[ppb\]
     #[must_use]
     pub fn frequency_ppb_at(&mut self, at: WorldNanos) -> f64 {
         self.step_at(at).ppb

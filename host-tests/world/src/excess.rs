@@ -19,26 +19,26 @@ pub enum Excess {
     None,
     /// The upper half of a bell curve, cut off at a window.
     HalfNormal {
-        /// The standard deviation of the whole bell curve. [ns]
+        /// The standard deviation of the whole bell curve. \[ns\]
         sigma_ns: u64,
-        /// The most there can be; `u64::MAX` where nothing is cut off. [ns]
+        /// The most there can be; `u64::MAX` where nothing is cut off. \[ns\]
         window_ns: u64,
     },
     /// Anything up to a window, all alike: the density at the edge is low.
     Even {
-        /// The most there can be. [ns]
+        /// The most there can be. \[ns\]
         window_ns: u64,
     },
     /// Gamma of shape 2: the density at the edge is 0 and grows in proportion to
     /// the distance from it. Its standard deviation is √2 times the scale.
     Gamma {
-        /// The scale, where the density is greatest. [ns]
+        /// The scale, where the density is greatest. \[ns\]
         scale_ns: u64,
     },
     /// Rayleigh: at the edge as the gamma's, with a shorter tail. Its standard
     /// deviation is √(2 − π/2) times the scale.
     Rayleigh {
-        /// The scale, where the density is greatest. [ns]
+        /// The scale, where the density is greatest. \[ns\]
         scale_ns: u64,
     },
 }

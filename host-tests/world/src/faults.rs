@@ -13,7 +13,7 @@ use crate::WorldNanos;
 pub struct Stall {
     /// When it begins.
     pub from: WorldNanos,
-    /// How long it lasts. [ns]
+    /// How long it lasts. \[ns\]
     pub lasts_ns: u64,
 }
 
@@ -37,9 +37,9 @@ pub struct TimeFault {
     /// The first moment at which it is right again; `WorldNanos(u64::MAX)` for one
     /// that stays wrong.
     pub until: WorldNanos,
-    /// By how much its time jumps ahead at `from`; may be negative. [ns]
+    /// By how much its time jumps ahead at `from`; may be negative. \[ns\]
     pub jump_ns: i64,
-    /// How fast it drifts after that; positive runs ahead. [ppb]
+    /// How fast it drifts after that; positive runs ahead. \[ppb\]
     pub drift_ppb: i32,
 }
 
@@ -117,19 +117,19 @@ pub enum PulseFaultKind {
     },
     /// A second edge follows each.
     Doubled {
-        /// How long after it; less than a second. [ns]
+        /// How long after it; less than a second. \[ns\]
         after_ns: u64,
     },
     /// Each edge is followed by others while a contact bounces.
     Bouncing {
         /// How many.
         edges: u8,
-        /// Within how long after it, spread by chance; less than a second. [ns]
+        /// Within how long after it, spread by chance; less than a second. \[ns\]
         within_ns: u64,
     },
     /// It comes at another phase of the second.
     WrongPhase {
-        /// By how much it is late; within half a second to either side. [ns]
+        /// By how much it is late; within half a second to either side. \[ns\]
         by_ns: i64,
     },
 }

@@ -21,14 +21,14 @@ use crate::wander::{Wander, Wanderer};
 /// How long a solution takes from its epoch to the first byte on the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Latency {
-    /// The least there ever is. [ns]
+    /// The least there ever is. \[ns\]
     pub least_ns: u64,
     /// How the floor moves above the least.
     pub wander: Wander,
     /// What each epoch takes beyond the floor.
     pub excess: Excess,
     /// The time constant with which the excess forgets; 0 draws it anew for
-    /// each epoch. [ns]
+    /// each epoch. \[ns\]
     pub memory_ns: u64,
 }
 

@@ -87,7 +87,7 @@ impl Receiver {
         self.port
     }
 
-    /// True UTC at `at`, since 1970. [ns]
+    /// True UTC at `at`, since 1970. \[ns\]
     #[must_use]
     pub const fn utc_ns(&self, at: WorldNanos) -> i64 {
         self.settings.utc_at_start_ns + at.0.cast_signed()

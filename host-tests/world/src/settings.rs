@@ -17,11 +17,11 @@ use crate::latency::Latency;
 pub struct Port {
     /// Bits a second.
     pub baud: u32,
-    /// From epoch to epoch. [ms]
+    /// From epoch to epoch. \[ms\]
     pub period_ms: u16,
-    /// From NAV-PVT to NAV-PVT; 0 is never. [epochs]
+    /// From NAV-PVT to NAV-PVT; 0 is never. \[epochs\]
     pub nav_pvt_every: u8,
-    /// From TIM-TP to TIM-TP; 0 is never. [pulses]
+    /// From TIM-TP to TIM-TP; 0 is never. \[pulses\]
     pub tim_tp_every: u8,
     /// Whether NMEA (here one RMC sentence an epoch) leaves, too.
     pub nmea: bool,
@@ -55,16 +55,16 @@ impl Port {
 /// What the time pulse is like.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PulseSettings {
-    /// How far its edges are off, root of the mean square. [ns]
+    /// How far its edges are off, root of the mean square. \[ns\]
     pub rms_ns: u32,
-    /// How much of that square is slow. [percent]
+    /// How much of that square is slow. \[percent\]
     pub correlated_percent: u8,
-    /// The time constant of the slow part. [ns]
+    /// The time constant of the slow part. \[ns\]
     pub correlation_ns: u64,
     /// The clock at whose ticks edges can be made; 0 for any time. Its
-    /// sawtooth is a part of `rms_ns`. [Hz]
+    /// sawtooth is a part of `rms_ns`. \[Hz\]
     pub clock_hz: u32,
-    /// How long a pulse lasts. [ns]
+    /// How long a pulse lasts. \[ns\]
     pub width_ns: u64,
     /// When the receiver begins to make pulses.
     pub from: WorldNanos,
@@ -101,7 +101,7 @@ impl PulseSettings {
 /// What a receiver is like.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReceiverSettings {
-    /// True UTC at the world's start, since 1970. [ns]
+    /// True UTC at the world's start, since 1970. \[ns\]
     pub utc_at_start_ns: i64,
     /// Where its chance comes from.
     pub seed: u64,

@@ -57,7 +57,7 @@ pub(crate) fn line_ns(bytes: usize, baud: u32) -> u64 {
 /// The truth about one NAV-PVT that was sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sent {
-    /// The epoch in its fields, UTC since 1970. [ns]
+    /// The epoch in its fields, UTC since 1970. \[ns\]
     pub epoch_utc_ns: i64,
     /// When the start bit of its first byte began.
     pub first_byte: WorldNanos,

@@ -21,15 +21,15 @@ const GPS_ORIGIN_S: i64 = 315_964_800;
 
 /// Class and id of NAV-PVT.
 pub const NAV_PVT: (u8, u8) = (0x01, 0x07);
-/// The length of an M8's NAV-PVT payload. [bytes]
+/// The length of an M8's NAV-PVT payload. \[bytes\]
 pub const NAV_PVT_LEN: usize = 92;
-/// The length of a whole NAV-PVT frame. [bytes]
+/// The length of a whole NAV-PVT frame. \[bytes\]
 pub const NAV_PVT_FRAME_LEN: usize = NAV_PVT_LEN + OVERHEAD;
 /// Class and id of TIM-TP.
 pub const TIM_TP: (u8, u8) = (0x0d, 0x01);
-/// The length of a TIM-TP payload. [bytes]
+/// The length of a TIM-TP payload. \[bytes\]
 pub const TIM_TP_LEN: usize = 16;
-/// The length of a whole TIM-TP frame. [bytes]
+/// The length of a whole TIM-TP frame. \[bytes\]
 pub const TIM_TP_FRAME_LEN: usize = TIM_TP_LEN + OVERHEAD;
 
 /// The Fletcher-8 checksum of everything between sync and checksum.
@@ -145,7 +145,7 @@ fn days_from_civil(year: i64, month: u8, day: u8) -> i64 {
 pub struct Claims {
     /// The field `valid`.
     pub valid: u8,
-    /// The field `tAcc`. [ns]
+    /// The field `tAcc`. \[ns\]
     pub t_acc_ns: u32,
     /// The field `fixType`.
     pub fix_type: u8,
@@ -190,7 +190,7 @@ pub fn nav_pvt_payload(epoch_utc_ns: i64, claims: Claims) -> [u8; NAV_PVT_LEN] {
     payload
 }
 
-/// The epoch of a NAV-PVT payload, UTC since 1970. [ns]
+/// The epoch of a NAV-PVT payload, UTC since 1970. \[ns\]
 #[must_use]
 pub fn nav_pvt_epoch_utc_ns(payload: &[u8; NAV_PVT_LEN]) -> i64 {
     let year = i64::from(u16::from_le_bytes([payload[4], payload[5]]));

@@ -24,9 +24,9 @@ pub enum Wander {
     None,
     /// Up and down.
     Sine {
-        /// From the least to the most. [ns]
+        /// From the least to the most. \[ns\]
         peak_to_peak_ns: u64,
-        /// From one least to the next. [ns]
+        /// From one least to the next. \[ns\]
         period_ns: u64,
         /// Where in its period it begins, in 10⁻⁶ of it; 0 is in the middle, on
         /// the way up.
@@ -35,7 +35,7 @@ pub enum Wander {
     /// A random walk between two walls that throw it back. It begins anywhere
     /// between them.
     Walk {
-        /// From wall to wall. [ns]
+        /// From wall to wall. \[ns\]
         peak_to_peak_ns: u64,
         /// The standard deviation of what it does in a second. [ns/√s]
         ns_per_sqrt_s: u64,

@@ -6,7 +6,7 @@
 //! at a module; a re-export needs what it hands on.
 //!
 //! *Limits.* Those of [`modules`](super::modules), [`names`](super::names) and
-//! [`mentions`](super::mentions). An inherent `impl` in another file than its type's is
+//! [`mentions`]. An inherent `impl` in another file than its type's is
 //! seen from its own side only: who calls such a method needs the type's file.
 
 use std::collections::BTreeMap;

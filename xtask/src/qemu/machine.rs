@@ -3,7 +3,7 @@
 //! *Purpose.* How QEMU is called, for every verb that uses it.
 //!
 //! *Design.* QEMU connects the board's UART4 to a port of ours, where a receiver is
-//! [played](super::player), and its USART2 where the caller wants it. The log comes out of its standard
+//! [played](super::player()), and its USART2 where the caller wants it. The log comes out of its standard
 //! output.
 
 use std::io::ErrorKind;

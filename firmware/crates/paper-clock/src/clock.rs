@@ -39,7 +39,7 @@ pub enum Outcome {
     Set,
     /// It set the clock again.
     Stepped {
-        /// What was added to the clock. [ns]
+        /// What was added to the clock. \[ns\]
         by_ns: i64,
     },
     /// PX4 would not have used it.

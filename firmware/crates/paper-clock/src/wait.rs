@@ -21,7 +21,7 @@ const CONSTANT_US: u32 = 5_000;
 pub enum Wait {
     /// PX4's own.
     ForCharacters {
-        /// The line's rate. [Bd]
+        /// The line's rate. \[Bd\]
         baud: u32,
     },
     /// The paper's: 5 ms.
@@ -29,7 +29,7 @@ pub enum Wait {
 }
 
 impl Wait {
-    /// The sleep before a read when `bytes_there` bytes wait; `None` is no sleep. [µs]
+    /// The sleep before a read when `bytes_there` bytes wait; `None` is no sleep. \[µs\]
     #[must_use]
     pub const fn before_read(self, bytes_there: usize) -> Option<u32> {
         match self {

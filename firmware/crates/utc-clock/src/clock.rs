@@ -102,7 +102,7 @@ pub struct UtcClock<'a> {
 
 impl<'a> UtcClock<'a> {
     /// From a call to the first moment at which its change of course holds: 1 ms,
-    /// three orders of magnitude more than the call takes if nothing interrupts it. [cycles]
+    /// three orders of magnitude more than the call takes if nothing interrupts it. \[cycles\]
     pub const LEAD: u64 = CORE_HZ as u64 / 1_000;
 
     /// The fastest slew, beside the frequency: 400 ppm. With a frequency that is up to 100 ppm
@@ -140,7 +140,7 @@ impl<'a> UtcClock<'a> {
         }
     }
 
-    /// Hears a mark, at most [`MAX_AGE`] after its arrival.
+    /// Hears a mark, at most `MAX_AGE` after its arrival.
     pub fn handle_mark(&mut self, mark: &TimeMark, now: Cycles) -> Outcome {
         let outcome = match self.admit(mark, now) {
             Ok(epoch) => self.follow(mark, epoch, now),
@@ -153,7 +153,7 @@ impl<'a> UtcClock<'a> {
         outcome
     }
 
-    /// Hears a pulse, at most [`MAX_AGE`] after its edge.
+    /// Hears a pulse, at most `MAX_AGE` after its edge.
     #[inline(never)] // The bench counts its calls.
     pub fn handle_pulse(&mut self, pulse: &PulseMark, now: Cycles) -> PulseOutcome {
         let outcome = self.follow_pulse(pulse, now);

@@ -3,14 +3,14 @@
 //! *Purpose.* Marks and pulses of a receiver go in, a clock that every priority can
 //! read comes out.
 //!
-//! *Design.* [`calendar`] turns the receiver's fields into [`UtcNanos`], [`gate`]
-//! decides whether a mark may be believed. [`envelope`] follows what marks have in
-//! common, [`pulse`] the time pulse; [`discipline`] decides which of them says how far
-//! the clock is off, [`clock`] how it follows: it owns the time line, a chain of
-//! [`model`]s, each an affine map from cycles to UTC, with a uncertainty that grows as in
-//! [`holdover`]. [`published`] shares that line with readers of any priority, without
+//! *Design.* `calendar` turns the receiver's fields into [`UtcNanos`], `gate`
+//! decides whether a mark may be believed. `envelope` follows what marks have in
+//! common, `pulse` the time pulse; `discipline` decides which of them says how far
+//! the clock is off, `clock` how it follows: it owns the time line, a chain of
+//! `model`s, each an affine map from cycles to UTC, with a uncertainty that grows as in
+//! `holdover`. `published` shares that line with readers of any priority, without
 //! a lock.
-//! [`counters`] has the kinds of refusal and how often each occurred.
+//! `counters` has the kinds of refusal and how often each occurred.
 //!
 //! ```text
 //! TimeMark ─▶ gate ─▶ envelope ─┐

@@ -10,12 +10,12 @@ pub enum Outcome {
     Set,
     /// The clock slews.
     Slewed {
-        /// UTC less the clock by the marks. [ns]
+        /// UTC less the clock by the marks. \[ns\]
         error_ns: i64,
     },
     /// The clock steps: what was dated by it may have to be dated anew.
     Stepped {
-        /// What was added to it. [ns]
+        /// What was added to it. \[ns\]
         by_ns: i64,
     },
     /// Nothing: it agrees with the pulse, which steers.
@@ -32,12 +32,12 @@ pub enum PulseOutcome {
     Candidate,
     /// The clock slews.
     Slewed {
-        /// UTC less the clock by the pulses. [ns]
+        /// UTC less the clock by the pulses. \[ns\]
         error_ns: i64,
     },
     /// The clock steps forward: the first pulse that is followed.
     Stepped {
-        /// What was added to it. [ns]
+        /// What was added to it. \[ns\]
         by_ns: i64,
     },
     /// It was refused: nothing.

@@ -14,10 +14,10 @@ pub struct Settings {
     /// Follow only marks whose `confirmedTime` is set.
     pub require_confirmed: bool,
     /// From the epoch to the first byte on the wire. 0 until it is known: what equal boards have
-    /// in common cancels between them. [ns]
+    /// in common cancels between them. \[ns\]
     pub latency_ns: u32,
     /// How far off that may be. As long as the latency is taken for 0: 120 ms, what ArduPilot
-    /// assumes for the latency of an M8. [ns]
+    /// assumes for the latency of an M8. \[ns\]
     pub latency_uncertainty_ns: u32,
     /// How much faster than the crystal the clock has to run.
     pub frequency: Ppb,
@@ -40,7 +40,7 @@ impl Settings {
     /// build would make old recordings unplayable and new firmware refuse an old receiver.
     pub const EARLIEST: UtcNanos = UtcNanos(1_451_606_400_000_000_000);
 
-    /// The same for a receiver whose latency was measured [ns] and is known as well as one
+    /// The same for a receiver whose latency was measured \[ns\] and is known as well as one
     /// that is learnt under a pulse; 0 leaves it unknown.
     #[must_use]
     pub const fn with_latency_ns(self, latency_ns: u32) -> Self {

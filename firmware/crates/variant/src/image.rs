@@ -9,12 +9,12 @@ use crate::variant::{DEFAULT_BAUD, Variant};
 pub struct Image {
     /// How it keeps the clock, and its tick.
     pub variant: Variant,
-    /// The rate of the receiver's line, one of [`Variant::gps_bauds`]. [Bd]
+    /// The rate of the receiver's line, one of [`Variant::gps_bauds`]. \[Bd\]
     pub gps_baud: u32,
 }
 
 impl Image {
-    /// The baud rate unless another one is asked for. [Bd]
+    /// The baud rate unless another one is asked for. \[Bd\]
     pub const GPS_BAUD: u32 = DEFAULT_BAUD;
 
     /// What is flashed unless another image is asked for.

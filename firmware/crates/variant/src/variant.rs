@@ -1,7 +1,7 @@
 //! How the clock is kept, and what each variant leaves to choose.
 
 /// The ticks that the firmware can have: those of the paper's table 3, and pixclock's at all of
-/// them. [µs]
+/// them. \[µs\]
 pub const TICKS_US: [u32; 4] = [1_000, 500, 200, 50];
 
 /// The baud rates that PX4 uses with such receivers: the one that the paper sets, and the default
@@ -19,7 +19,7 @@ const MAX_LATENCY_US: u32 = 500_000;
 pub enum Variant {
     /// pixclock: stamped bytes, the envelope of the latency, the time pulse.
     Pixclock {
-        /// From tick to tick, one of [`TICKS_US`]. [µs]
+        /// From tick to tick, one of [`TICKS_US`]. \[µs\]
         tick_us: u32,
     },
     /// PX4 1.9 as it is: a tick of 1000 µs, one priority for all interrupts, a wait that depends on
@@ -29,7 +29,7 @@ pub enum Variant {
     PaperStep1,
     /// The paper's step II: step I with SysTick above all other interrupts and a shorter tick.
     PaperStep2 {
-        /// From tick to tick, one of [`TICKS_US`] below 1000. [µs]
+        /// From tick to tick, one of [`TICKS_US`] below 1000. \[µs\]
         tick_us: u32,
     },
 }
@@ -101,7 +101,7 @@ impl Variant {
         }
     }
 
-    /// From tick to tick. [µs]
+    /// From tick to tick. \[µs\]
     #[must_use]
     pub const fn tick_us(self) -> u32 {
         match self {
@@ -110,14 +110,14 @@ impl Variant {
         }
     }
 
-    /// The ticks that this variant can have. [µs]
+    /// The ticks that this variant can have. \[µs\]
     pub fn ticks_us(self) -> impl Iterator<Item = u32> {
         TICKS_US
             .into_iter()
             .filter(move |&tick_us| self.with_tick_us(tick_us).is_some())
     }
 
-    /// The baud rates that the receiver's line can have, the default first. [Bd]
+    /// The baud rates that the receiver's line can have, the default first. \[Bd\]
     #[must_use]
     pub const fn gps_bauds(self) -> &'static [u32] {
         match self {
@@ -127,7 +127,7 @@ impl Variant {
     }
 
     /// The greatest latency of the receiver that can be corrected: the paper's variants correct
-    /// none. [µs]
+    /// none. \[µs\]
     #[must_use]
     pub const fn max_latency_us(self) -> u32 {
         if self.is_papers() { 0 } else { MAX_LATENCY_US }

@@ -7,6 +7,6 @@ pub trait Baseline {
     fn handle_mark(&mut self, local_ns: i64, epoch_utc_ns: i64);
 
     /// The time that it publishes at `local_ns`, UTC since 1970; none while it is unset. Never
-    /// asked about a time before the last message. [ns]
+    /// asked about a time before the last message. \[ns\]
     fn utc_ns(&self, local_ns: i64) -> Option<i64>;
 }

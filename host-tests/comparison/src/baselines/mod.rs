@@ -32,7 +32,7 @@ const ALL: [(&str, Make); 4] = [
     ("chrony", || Box::new(Chrony::default())),
 ];
 
-/// One of each, in the order of [`names`], all unset.
+/// One of each, in the order of `names`, all unset.
 #[must_use]
 pub fn all() -> Vec<Box<dyn Baseline>> {
     ALL.iter().map(|(_, make)| make()).collect()

@@ -148,7 +148,7 @@ fn a_stored_frequency_that_is_wrong_is_unlearnt() {
 }
 
 #[test]
-fn crystals_as_far_off_as_any_are_followed() {
+fn crystals_far_off_are_followed_all_the_same() {
     let mut all = Vec::new();
     let ppm = [-1_800, -500, 500, 1_800];
     each_seed(SEEDS, ppm, |checks, seed, ppm| {
@@ -166,7 +166,7 @@ fn crystals_as_far_off_as_any_are_followed() {
 }
 
 #[test]
-fn what_no_crystal_does_is_not_learnt() {
+fn a_crystal_beyond_2_000_ppm_is_refused_and_nothing_is_claimed() {
     each_seed(SEEDS, [-3_000, 3_000], |checks, seed, ppm| {
         let mut scenario = Scenario::new(Latency::m8(), seed);
         scenario.crystal = CrystalSettings::new(f64::from(ppm) * 1e3);

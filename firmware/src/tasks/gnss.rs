@@ -17,12 +17,6 @@ use crate::drivers::uart::{Reader, Writer};
 use crate::reports::{GNSS, GnssReport};
 use crate::settings;
 
-/// GPS less UTC since 2017.
-const LEAP_SECONDS: i8 = 18;
-
-/// How long the receiver's pulse is high, as the session's CFG-TP5 asks for. [µs]
-const PULSE_WIDTH_US: u32 = 100_000;
-
 /// The receiver is to forecast its pulse for this time after an edge, in cycles: 10 s.
 const FORECASTS_FOR: u64 = 10 * CORE_HZ as u64;
 
@@ -64,17 +58,11 @@ impl Gnss {
         let Some(writer) = CLOCK.take_writer() else {
             defmt::panic!("the clock has a writer already");
         };
-        let settings = Settings {
-            // NAV-TIMELS is not asked for yet.
-            leap_seconds: Some(LEAP_SECONDS),
-            ..Settings::DEFAULT.with_latency_ns(settings::LATENCY_NS)
-        };
-        let mut clock = UtcClock::new(settings, writer);
-        clock.handle_pulse_width(Some(PULSE_WIDTH_US));
+        let settings = Settings::DEFAULT.with_latency_ns(settings::LATENCY_NS);
         Self {
             receiver: Receiver::new(line),
             pulse,
-            clock,
+            clock: UtcClock::new(settings, writer),
             edge: None,
             source: Source::Nothing,
         }
@@ -87,7 +75,6 @@ impl Gnss {
             match event {
                 Event::NavPvt { mark, .. } => self.handle_mark(&mark),
                 Event::TimTp(forecast) => self.clock.handle_forecast(&forecast),
-                Event::LeapSeconds(told) => self.clock.handle_leap_seconds(&told, time::now()),
                 Event::Ack { .. } | Event::Nak { .. } => {}
             }
         }
@@ -107,9 +94,9 @@ impl Gnss {
     /// Takes what came over the pulse's wire. After [`Self::handle_messages`]: a forecast comes
     /// before its pulse.
     fn handle_pulses(&mut self) {
-        while let Some(edge) = self.pulse.take() {
-            self.edge = Some(edge.at);
-            if let PulseOutcome::Stepped { by_ns } = self.clock.handle_edge(&edge, time::now()) {
+        while let Some(mark) = self.pulse.take() {
+            self.edge = Some(mark.edge);
+            if let PulseOutcome::Stepped { by_ns } = self.clock.handle_pulse(&mark, time::now()) {
                 push_step(by_ns);
             }
         }

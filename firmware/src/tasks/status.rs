@@ -33,7 +33,7 @@ fn log() {
     let mavlink = MAVLINK.get();
     let clock = gnss.map(|report| report.clock).unwrap_or_default();
     defmt::info!(
-        "status variant={} state={} source={} utc={} unc_ns={=u64} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}{}",
+        "status variant={} state={} source={} utc={} unc_ns={=u32} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}{}",
         VARIANT,
         reading.state,
         gnss.map(|report| report.source).unwrap_or_default(),
@@ -76,10 +76,9 @@ impl Format for Clock {
         nonzero!(f, self.0, "": steps_forward, steps_back, holdovers);
         nonzero!(f, self.0, "mark_": date, time, unresolved, unconfirmed, inaccurate, calendar,
             too_old, leap_second, stamp, backlog, duplicate_epoch, epoch_back, outlier, late, early,
-            drift, waited);
-        nonzero!(f, self.0, "": pulses, pulse_locks, pulse_unnumbered, pulse_width,
-            pulse_unproved, pulse_off_second, pulse_off_line, pulse_doubled, pulse_stamp,
-            pulse_backlog, pulse_q_err);
+            drift, crystal);
+        nonzero!(f, self.0, "": pulses, pulse_locks, pulse_unnumbered, pulse_off_second,
+            pulse_off_line, pulse_doubled, pulse_stamp, pulse_backlog);
     }
 }
 

@@ -90,7 +90,6 @@ impl Columns {
             (ClockState::Unset, _) => {
                 return padded(FAINT, "not set", self.cell_width());
             }
-            (ClockState::Unproved, _) => ("second unproved", CAUTION),
             (ClockState::Holdover, _) => ("holdover", CAUTION),
             (ClockState::Set, true) => ("set by pulse", GOOD),
             (ClockState::Set, false) => ("set by messages", GOOD),

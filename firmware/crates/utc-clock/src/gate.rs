@@ -17,24 +17,19 @@
 use timebase::TimeMark;
 
 use crate::refusal::Refusal;
+use crate::settings::Settings;
 use crate::utc::UtcNanos;
 
 /// The worst tAcc that is let in, in ns. Good marks of real receivers have
 /// 16 ns to 4.4 µs; a receiver that is still resolving its time has ms or none.
 const MAX_T_ACC_NS: u32 = 100_000;
 
-/// Dates are believed within 1024 weeks of the floor, after which a GPS week number begins
-/// anew. [ns]
-const WEEKS_1024_NS: i64 = 1_024 * 7 * 86_400 * 1_000_000_000;
-
 /// Judges marks by what they say of themselves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Gate {
     /// Demand `confirmedTime` as well. Off by default: timing receivers never
     /// set it.
     pub require_confirmed: bool,
-    /// The earliest date that is believed.
-    pub date_floor: UtcNanos,
 }
 
 impl Gate {
@@ -61,7 +56,7 @@ impl Gate {
             return Err(Refusal::Inaccurate);
         }
         let epoch = UtcNanos::from_civil(&mark.epoch).map_err(Refusal::Calendar)?;
-        if !(0..WEEKS_1024_NS).contains(&epoch.since(self.date_floor)) {
+        if epoch < Settings::EARLIEST {
             return Err(Refusal::TooOld);
         }
         if mark.epoch.second == 60 {
@@ -77,21 +72,12 @@ mod tests {
 
     use super::*;
     use crate::calendar::CalendarError;
-    use crate::settings::Settings;
-
-    fn gate() -> Gate {
-        Gate {
-            require_confirmed: false,
-            date_floor: Settings::DATE_FLOOR,
-        }
-    }
 
     fn good() -> TimeMark {
         TimeMark {
             arrival: Cycles(0),
-            busy_us: 0,
             epoch: CivilTime {
-                year: 2025,
+                year: 2016,
                 month: 1,
                 day: 1,
                 hour: 0,
@@ -113,12 +99,12 @@ mod tests {
     fn refusal(change: impl FnOnce(&mut TimeMark)) -> Option<Refusal> {
         let mut mark = good();
         change(&mut mark);
-        gate().judge(&mark).err()
+        Gate::default().judge(&mark).err()
     }
 
     #[test]
     fn the_worst_mark_that_is_good_enough_passes() {
-        assert_eq!(gate().judge(&good()), Ok(Settings::DATE_FLOOR));
+        assert_eq!(Gate::default().judge(&good()), Ok(Settings::EARLIEST));
     }
 
     #[test]
@@ -145,7 +131,7 @@ mod tests {
         assert_eq!(
             refusal(|m| {
                 m.epoch = CivilTime {
-                    year: 2028,
+                    year: 2016,
                     month: 12,
                     day: 31,
                     hour: 23,
@@ -162,7 +148,6 @@ mod tests {
     fn confirmation_is_demanded_only_on_request() {
         let strict = Gate {
             require_confirmed: true,
-            ..gate()
         };
         assert_eq!(strict.judge(&good()), Err(Refusal::Unconfirmed));
         let mut confirmed = good();

@@ -15,7 +15,7 @@
 //!
 //! An error is absorbed at the rate that the [`Discipline`] asks for, at most [`UtcClock::MAX_SLEW`], until
 //! it is gone or the next mark knows better, and for no longer than marks may
-//! stay away: one mark alone moves the clock by 1 ms. Lateness is one-sided, so a clock that was
+//! stay away: one mark alone moves the clock by 0.8 ms. Lateness is one-sided, so a clock that was
 //! set by a late mark is behind: within [`SETTLING`] of being set, and when a pulse is followed for
 //! the first time, it steps *forward* instead, by what is more than [`LEAST_STEP_NS`].
 //!
@@ -100,6 +100,8 @@ pub struct UtcClock<'a> {
     counters: Counters,
 }
 
+// Each method is inlined where it is called, and so built for the caller's speed: the crate itself
+// is built for size, and a pulse has a budget of instructions.
 impl<'a> UtcClock<'a> {
     /// From a call to the first moment at which its change of course holds: 1 ms,
     /// three orders of magnitude more than the call takes if nothing interrupts it. \[cycles\]
@@ -112,6 +114,7 @@ impl<'a> UtcClock<'a> {
 
     /// A clock that is unset and will publish through `timeline`.
     #[must_use]
+    #[inline]
     pub fn new(settings: Settings, timeline: Writer<'a>) -> Self {
         Self {
             gate: Gate {
@@ -141,6 +144,7 @@ impl<'a> UtcClock<'a> {
     }
 
     /// Hears a mark, at most `MAX_AGE` after its arrival.
+    #[inline]
     pub fn handle_mark(&mut self, mark: &TimeMark, now: Cycles) -> Outcome {
         let outcome = match self.admit(mark, now) {
             Ok(epoch) => self.follow(mark, epoch, now),
@@ -154,7 +158,7 @@ impl<'a> UtcClock<'a> {
     }
 
     /// Hears a pulse, at most `MAX_AGE` after its edge.
-    #[inline(never)] // The bench counts its calls.
+    #[inline]
     pub fn handle_pulse(&mut self, pulse: &PulseMark, now: Cycles) -> PulseOutcome {
         let outcome = self.follow_pulse(pulse, now);
         if let PulseOutcome::Refused(refusal) = outcome {
@@ -170,6 +174,7 @@ impl<'a> UtcClock<'a> {
 
     /// Does what is due: ends a slew, begins holdover, tells the line anew.
     /// Nothing before [`Self::poll_timeout`].
+    #[inline]
     pub fn handle_timeout(&mut self, now: Cycles) {
         if now < self.poll_timeout() {
             return;
@@ -195,6 +200,7 @@ impl<'a> UtcClock<'a> {
 
     /// When [`Self::handle_timeout`] is due.
     #[must_use]
+    #[inline]
     pub fn poll_timeout(&self) -> Cycles {
         let mut due = self.model.at.plus(self.lasts(self.model.quality.state));
         if self.slew != Ppb(0) {
@@ -233,6 +239,7 @@ impl<'a> UtcClock<'a> {
 
     /// What the clock is steered by.
     #[must_use]
+    #[inline]
     pub fn source(&self) -> Source {
         match self.model.quality.state {
             ClockState::Set => self.steered_by,
@@ -241,6 +248,7 @@ impl<'a> UtcClock<'a> {
     }
 
     /// The epoch of a mark that is in itself and in its row worth hearing.
+    #[inline]
     fn admit(&mut self, mark: &TimeMark, now: Cycles) -> Result<UtcNanos, Refusal> {
         let epoch = self.gate.judge(mark)?;
         if !is_recent(mark.arrival, now) {
@@ -257,6 +265,7 @@ impl<'a> UtcClock<'a> {
         }
     }
 
+    #[inline]
     fn follow(&mut self, mark: &TimeMark, epoch: UtcNanos, now: Cycles) -> Outcome {
         let mut line = self.line_from(mark.arrival);
         line.quality.leap_seconds_known = mark.validity.leap_seconds_known;
@@ -305,6 +314,7 @@ impl<'a> UtcClock<'a> {
         outcome
     }
 
+    #[inline]
     fn follow_pulse(&mut self, pulse: &PulseMark, now: Cycles) -> PulseOutcome {
         if self.model.quality.state == ClockState::Unset {
             return PulseOutcome::Refused(PulseRefusal::Unnumbered);
@@ -351,6 +361,7 @@ impl<'a> UtcClock<'a> {
     }
 
     /// By how much the receiver says that this pulse is late, in ns.
+    #[inline]
     fn forecast_for(&mut self, pulse: &PulseMark) -> i32 {
         let Some(forecast) = self.forecast.take() else {
             return 0;
@@ -367,6 +378,7 @@ impl<'a> UtcClock<'a> {
 
     /// The course that is to be corrected, told from a moment: the newest one, even if
     /// another one still held then.
+    #[inline]
     fn line_from(&self, at: Cycles) -> ClockModel {
         let (base, fraction) = self.model.point(at);
         ClockModel {
@@ -377,10 +389,12 @@ impl<'a> UtcClock<'a> {
         }
     }
 
+    #[inline]
     fn may_step(&self, course: &Course, now: Cycles) -> bool {
         course.error_ns > LEAST_STEP_NS && now < self.set_at.plus(SETTLING)
     }
 
+    #[inline]
     fn step(&mut self, line: &mut ClockModel, course: &Course) -> Outcome {
         self.take(course);
         self.slew = Ppb(0);
@@ -399,6 +413,7 @@ impl<'a> UtcClock<'a> {
     }
 
     /// Sets the slew that absorbs an error.
+    #[inline]
     fn absorb(&mut self, course: &Course, now: Cycles) {
         self.take(course);
         let error_ns = course.error_ns.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
@@ -416,11 +431,13 @@ impl<'a> UtcClock<'a> {
     }
 
     /// The slew is over; what it could not absorb is left, and doubted.
+    #[inline]
     fn end_slew(&mut self) {
         self.slew = Ppb(0);
         self.unabsorbed_ns = self.unabsorbed_ns.saturating_sub(MOST_ABSORBED_NS);
     }
 
+    #[inline]
     fn take(&mut self, course: &Course) {
         self.frequency = course.frequency;
         self.uncertainty = course.uncertainty;
@@ -429,11 +446,13 @@ impl<'a> UtcClock<'a> {
 
     /// Whether the line has no room for a change of course: it keeps three models, and with two
     /// that are still to begin the third is the one in force.
+    #[inline]
     fn is_crowded(&self, now: Cycles) -> bool {
         self.before_at > now
     }
 
     /// From [`UtcClock::LEAD`] after `now` on, follows `line` with the rate of the hour.
+    #[inline]
     fn steer(&mut self, line: &ClockModel, now: Cycles) {
         // Never before the model that may have been read already.
         let at = now.plus(Self::LEAD).max(self.model.at);
@@ -452,6 +471,7 @@ impl<'a> UtcClock<'a> {
 
     /// Writes the uncertainty into a model: what it is where that begins, and a straight line that is
     /// above it until the model is replaced.
+    #[inline]
     fn appraise(&self, model: &mut ClockModel) {
         let lasts = self.lasts(model.quality.state);
         let begins_ns = self.uncertainty.at(model.at);

@@ -171,6 +171,7 @@ impl Default for Published {
 
 impl Writer<'_> {
     /// Makes `model` the newest piece of the line.
+    #[inline]
     pub(crate) fn publish(&mut self, model: &ClockModel) {
         self.0.publish(model);
     }
@@ -196,6 +197,7 @@ impl<W: Word> TimeLine<W> {
     }
 
     /// Makes `model` the newest piece. For the one writer.
+    #[inline]
     fn publish(&self, model: &ClockModel) {
         let next = self.sequence.load().wrapping_add(1);
         for (word, value) in self.slot(next).iter().zip(model.words()) {

@@ -1,6 +1,7 @@
 //! The calendar: a receiver's fields to UTC and back, 1980 to 2100.
 //!
-//! *Purpose.* [`UtcNanos::from_civil`] is called for every mark, [`UtcNanos::to_civil`] for people.
+//! *Purpose.* Fields become an instant at every mark ([`UtcNanos::from_civil`]), an instant becomes
+//! fields where people read it ([`UtcNanos::to_civil`]).
 //!
 //! *Design.* Years are counted from March, so that the leap day is the last of
 //! its year and the months are a straight line with a remainder; the origin is
@@ -8,11 +9,9 @@
 //! rule of four years. All of it is 32-bit arithmetic without a division by
 //! anything but constants: seconds since 1970 fit `u32` until 2106.
 //!
-//! A leap second, 23:59:60, is told as the instant that POSIX gives it: the same
-//! number as the 00:00:00 that follows. A clock that runs on through a leap
-//! second therefore agrees with every mark inside of it, and is one second ahead
-//! afterwards; the step back is then due in the open, over several marks.
-//! What a leap second may do to the clock is the [`gate`](crate::gate)'s business.
+//! A leap second, 23:59:60, has the instant that POSIX gives it: the same
+//! number as the 00:00:00 that follows. Whether a clock may follow a mark inside of one
+//! is decided in [`gate`](crate::gate).
 //!
 //! *Limits.* Which months had a leap second is not known here: 23:59:60 is
 //! accepted on any day, at any other time of day it is refused.
@@ -210,9 +209,9 @@ mod tests {
 
     #[test]
     fn a_negative_nano_reaches_into_the_year_before() {
-        // As u-blox tells it: the fields were rounded up to the new year.
-        let told = civil((2026, 1, 1), (0, 0, 0), -4_999_999);
-        let utc = UtcNanos::from_civil(&told).unwrap();
+        // As u-blox sends it: the fields were rounded up to the new year.
+        let sent = civil((2026, 1, 1), (0, 0, 0), -4_999_999);
+        let utc = UtcNanos::from_civil(&sent).unwrap();
         let meant = civil((2025, 12, 31), (23, 59, 59), 995_000_001);
         assert_eq!(utc, UtcNanos::from_civil(&meant).unwrap());
         assert_eq!(utc.to_civil(), Some(meant));

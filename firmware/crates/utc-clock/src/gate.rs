@@ -1,12 +1,10 @@
 //! The gate: whether a mark may be believed at all.
 //!
-//! *Purpose.* Between "the receiver said so" and "the clock may hear it".
+//! *Purpose.* Keeps away from the estimators what the receiver itself does not vouch for.
 //!
 //! *Design.* In a recorded cold start of an M8 `validDate` and `validTime` were
 //! both set for 36 s while tAcc was `0xFFFF_FFFF`, for 20 epochs of them with a
-//! 3D fix. So all three claims are demanded, and an accuracy, too. The earliest
-//! date is a constant: a build date would make old recordings unplayable and
-//! new firmware refuse an old clock.
+//! 3D fix. So all three claims are demanded, and an accuracy, too.
 //!
 //! A mark inside a leap second is refused: its instant is shared with the second
 //! after it, so a clock set from it would be a second wrong when it is over.
@@ -20,8 +18,8 @@ use crate::refusal::Refusal;
 use crate::settings::Settings;
 use crate::utc::UtcNanos;
 
-/// The worst tAcc that is let in, in ns. Good marks of real receivers have
-/// 16 ns to 4.4 µs; a receiver that is still resolving its time has ms or none.
+/// The greatest tAcc that passes. Good marks of real receivers have 16 ns to 4.4 µs;
+/// a receiver that is still resolving its time has ms or none. [ns]
 const MAX_T_ACC_NS: u32 = 100_000;
 
 /// Judges marks by what they say of themselves.

@@ -1,9 +1,9 @@
-//! Uncertainty: how far the clock may be off, and how that grows while nothing is heard.
+//! The crystal: how far a clock that runs on by it may be off.
 //!
 //! *Purpose.* The one model of the crystal that the published uncertainty rests on.
 //!
-//! *Design.* What is known at a moment is known to so many ns, the frequency to so many
-//! ppb; from then on the crystal may drift by 1 ppm a minute, as its temperature does. So the
+//! *Design.* At some moment the clock is known to some ns and its frequency to some ppb; from
+//! then on the crystal may drift by 1 ppm a minute, as its temperature does. So the
 //! uncertainty grows by `frequency · t + ½ · drift · t²`. Drift does not lead a crystal out of its
 //! specification: the linear part of it stops at `SPECIFICATION_PPB`.
 //!
@@ -13,7 +13,7 @@ use timebase::{CORE_HZ, Cycles};
 
 use crate::utc::Ppb;
 
-/// As fast as a crystal is believed to drift, in ppb a second: 1 ppm a minute.
+/// The fastest drift of a crystal: 1 ppm a minute. [ppb/s]
 pub(crate) const DRIFT_PPB_PER_S: f32 = 1_000.0 / 60.0;
 
 /// A crystal that is farther off is broken, or the receiver is: 2 000 ppm. Boards of
@@ -21,7 +21,7 @@ pub(crate) const DRIFT_PPB_PER_S: f32 = 1_000.0 / 60.0;
 pub(crate) const CRYSTAL_PPB: f32 = 2_000_000.0;
 
 /// ±50 ppm over its range of temperature: three such boards were measured at +37, +37 and
-/// +44 ppm.
+/// +44 ppm. [ppb]
 const SPECIFICATION_PPB: f32 = 50_000.0;
 
 /// The rate that makes up for a crystal that is `crystal_ppb` fast: the sign changes here and in
@@ -41,14 +41,14 @@ pub(crate) const fn crystal_ppb(rate: Ppb) -> f32 {
 pub struct Uncertainty {
     /// The moment.
     pub at: Cycles,
-    /// How far the clock may be off then, in ns.
+    /// How far the clock may be off then. [ns]
     pub phase_ns: f32,
-    /// How far its frequency may be off, in ppb.
+    /// How far its frequency may be off. [ppb]
     pub frequency_ppb: f32,
 }
 
 impl Uncertainty {
-    /// How far the clock may be off at `when`, in ns.
+    /// How far the clock may be off at `when`. [ns]
     #[must_use]
     pub fn at(&self, when: Cycles) -> f32 {
         let s = when.since(self.at) as f32 * (1.0 / CORE_HZ as f32);

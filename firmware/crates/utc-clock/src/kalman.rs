@@ -1,26 +1,26 @@
 //! A Kalman filter over a crystal's phase, frequency and drift.
 //!
-//! *Purpose.* What a row of noisy phases says of the crystal behind them.
+//! *Purpose.* Finds the crystal in a series of noisy phases.
 //!
 //! *Design.* Three states: phase in ns, frequency in ppb, drift in ppb a second. The drift
 //! is a Gauss–Markov process: it forgets itself with a time constant. With a drift
-//! that is known to be 0 the same filter has two states. The phase is told relative to
-//! the last update, so that 24 bits are enough for it: the caller keeps the whole.
+//! that is known to be 0 the same filter has two states. The phase is kept relative to
+//! the last update, so that 24 bits are enough for it; the caller has the whole.
 //!
 //! *Limits.* `f32`: a frequency of 50 ppm has a resolution of 4 · 10⁻³ ppb.
 
-/// What a crystal and its measurement are taken for.
+/// The noise that is assumed of a crystal and its measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Noise {
-    /// White frequency noise: the phase's random walk, in ns²/s.
+    /// White frequency noise: the phase's random walk. [ns²/s]
     pub(crate) phase_walk: f32,
-    /// The frequency's random walk, in ppb²/s.
+    /// The frequency's random walk. [ppb²/s]
     pub(crate) frequency_walk: f32,
-    /// The drift's variance, in (ppb/s)².
+    /// The drift's variance. [(ppb/s)²]
     pub(crate) drift_variance: f32,
-    /// How slowly the drift forgets itself, in s.
+    /// The time constant with which the drift forgets itself. [s]
     pub(crate) drift_time_s: f32,
-    /// A measurement's variance, in ns².
+    /// A measurement's variance. [ns²]
     pub(crate) measurement: f32,
 }
 
@@ -101,7 +101,7 @@ impl Kalman {
         };
     }
 
-    /// The variance of what the next measurement will be off by, in ns².
+    /// The variance of the next measurement about its prediction. [ns²]
     pub(crate) fn innovation_variance(&self) -> f32 {
         self.covariance.pp + self.noise.measurement
     }
@@ -124,17 +124,17 @@ impl Kalman {
         };
     }
 
-    /// Tells the phase from another origin, `ns` ahead.
+    /// Moves the phase's origin ahead by `ns`.
     pub(crate) fn rebase(&mut self, ns: f32) {
         self.phase_ns -= ns;
     }
 
-    /// The standard deviation of the phase, in ns.
+    /// The standard deviation of the phase. [ns]
     pub(crate) fn phase_deviation_ns(&self) -> f32 {
         libm::sqrtf(self.covariance.pp.max(0.0))
     }
 
-    /// The standard deviation of the frequency, in ppb.
+    /// The standard deviation of the frequency. [ppb]
     pub(crate) fn frequency_deviation_ppb(&self) -> f32 {
         libm::sqrtf(self.covariance.ff.max(0.0))
     }
@@ -160,18 +160,18 @@ mod tests {
     fn settle(noise: Noise, frequency_ppb: f32, drift: f32, seconds: u16) -> (f32, f32) {
         let mut filter = Kalman::new(noise, 0.0, 50_000.0);
         let truth = |t: f32| frequency_ppb * t + 0.5 * drift * t * t;
-        let mut told = 0.0;
+        let mut origin = 0.0;
         for second in 1..=seconds {
             filter.predict(1.0);
-            let measured = truth(f32::from(second)) - told;
+            let measured = truth(f32::from(second)) - origin;
             filter.update(measured - filter.phase_ns);
             let whole = filter.phase_ns;
             filter.rebase(whole);
-            told += whole;
+            origin += whole;
         }
         let end = f32::from(seconds);
         (
-            told - truth(end),
+            origin - truth(end),
             filter.frequency_ppb - (frequency_ppb + drift * end),
         )
     }

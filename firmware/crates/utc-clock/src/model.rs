@@ -11,12 +11,12 @@
 //! 64 bits: one `umlal`. It is above 2²⁸ as well, more than a nanosecond a
 //! cycle: a model is strictly increasing by construction.
 //!
-//! Before it is set the clock counts from 1970 as if the board had been started
-//! then: its readings are the time since boot, and one formula serves always.
+//! An unset clock counts from 1970 as if the board had been started then: its
+//! readings are the time since boot, by the same formula.
 //!
 //! *Limits.* Rates within ±[`MAX_RATE`]. Farther than 25.5 s from `at` a reading
-//! is still exact but takes two multiplications more; farther than 1.8 h nothing
-//! is known about its uncertainty.
+//! is still exact but takes two multiplications more; farther than 1.8 h its
+//! uncertainty is unknown.
 
 use timebase::{CORE_HZ, ClockState, Cycles};
 
@@ -30,7 +30,7 @@ const FRACTION: u64 = (1 << SHIFT) - 1;
 /// is broken, the slew takes up to 400 ppm, and 100 ppm are to spare.
 const MAX_RATE: Ppb = Ppb::from_ppm(2_500);
 
-/// What the clock says of one instant.
+/// The clock at one instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reading {
     /// The instant; the time since boot while the clock is unset.
@@ -49,9 +49,9 @@ pub struct Reading {
 pub struct ClockModel {
     pub(crate) at: Cycles,
     pub(crate) base: UtcNanos,
-    /// Behind the point of `base`, in 2⁻²⁸ ns.
+    /// What `base` lacks. [2⁻²⁸ ns]
     pub(crate) fraction: u32,
-    /// ns a cycle, in 2⁻²⁸ ns.
+    /// The rate. [2⁻²⁸ ns a cycle]
     pub(crate) mult: u32,
     pub(crate) quality: Quality,
 }
@@ -106,7 +106,7 @@ impl ClockModel {
         }
     }
 
-    /// The same line, told from `at`; the uncertainty has grown by then.
+    /// The same line with its origin at `at`, to where the uncertainty has grown.
     #[must_use]
     pub(crate) const fn rebased(&self, at: Cycles) -> Self {
         let (base, fraction) = self.point(at);
@@ -138,7 +138,7 @@ impl ClockModel {
         ]
     }
 
-    /// The model that [`Self::words`] were made of.
+    /// The inverse of [`Self::words`].
     pub(crate) const fn from_words(words: [u32; 8]) -> Self {
         let [
             at_low,
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unset_clock_tells_the_time_since_boot() {
+    fn an_unset_clock_shows_the_time_since_boot() {
         for s in [0, 1, 60, 3_600] {
             let ns = ClockModel::BOOT.utc_at(Cycles(s * SECOND)).0;
             let off = ns - i64::try_from(s).unwrap() * 1_000_000_000;

@@ -24,9 +24,9 @@
 //!   That can happen once a publication, and those are milliseconds apart.
 //!
 //! So each answer comes from complete models of one moment. The clock begins
-//! every model in the future of the call that made it, and at a point of the
-//! line before it, and publishes it at once: a stamp's answer is the same at all
-//! times, and later stamps have later answers.
+//! every model in the future of the call that made it, at the point where the
+//! model before it will be then, and publishes it at once: a stamp has the same answer
+//! whenever it is read, and later stamps have later answers.
 //!
 //! # Preconditions
 //!
@@ -49,7 +49,7 @@ use timebase::{Cycles, Stamp};
 use crate::model::{ClockModel, Reading, SHIFT};
 use crate::utc::UtcNanos;
 
-/// A shared 32-bit word; the exhaustive test has one that knows of each access.
+/// A shared 32-bit word: an atomic, or one of the exhaustive test, which acts on each access.
 trait Word {
     /// The word's value.
     fn load(&self) -> u32;
@@ -79,7 +79,7 @@ const OLDER: u32 = 2;
 #[repr(C)]
 pub struct Published {
     line: TimeLine<AtomicU32>,
-    /// Whether somebody has taken the writer.
+    /// Whether the writer has been taken.
     is_taken: AtomicBool,
 }
 
@@ -122,7 +122,7 @@ impl Published {
     }
 
     /// A copy of a time line, from the words of its memory in another machine; `None` if there
-    /// are too few. For tools that look at a board from outside: a copy has no writer.
+    /// are too few. For tools that look at a board from outside; its writer counts as taken.
     #[must_use]
     pub fn from_words(words: &[u32]) -> Option<Self> {
         let (sequence, slots) = words.split_first()?;
@@ -145,9 +145,9 @@ impl Published {
         (!was_taken).then_some(Writer(&self.line))
     }
 
-    /// UTC at `when`, a stamp of the last 10 s: for those, one word tells how far
-    /// the newest model is away. The short way where that is in force already, the
-    /// long way within [`LEAD`](crate::UtcClock::LEAD) of a change and for older stamps.
+    /// UTC at `when`, a stamp of the last 10 s: within those the low word of a model's beginning
+    /// is enough to find its distance. Short where the newest model is in force, longer within
+    /// [`LEAD`](crate::UtcClock::LEAD) of a change and for older stamps.
     #[must_use]
     #[inline]
     pub fn utc_of(&self, when: Stamp) -> UtcNanos {

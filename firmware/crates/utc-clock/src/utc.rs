@@ -25,8 +25,8 @@ impl UtcNanos {
         Self(self.0.saturating_add(ns))
     }
 
-    /// Nanoseconds from `earlier` to `self`; negative when `self` is the earlier
-    /// one, and at most the scale's end.
+    /// Nanoseconds from `earlier` to `self`, negative when `self` is the earlier
+    /// one; stops at the ends of the scale.
     #[must_use]
     #[inline]
     pub const fn since(self, earlier: Self) -> i64 {

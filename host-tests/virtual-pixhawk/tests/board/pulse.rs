@@ -36,13 +36,12 @@ fn the_capture_of_each_edge_is_the_moment_at_which_it_came() {
         let mut board = board(&firmware, crystal_ppb, &settings);
         let mut worst: f64 = 0.0;
         for Pulse { edge, .. } in Pulses::new(&settings).skip(1).take(12) {
-            // Not a whole number of ticks after it: the count is wrong within the tick interrupt.
-            board.run_to(WorldNanos(edge.0 + 520_000)).unwrap();
+            board.run_to(WorldNanos(edge.0 + 500_000)).unwrap();
             let clock = board.clock().unwrap();
-            let edge = board.captured_edge(clock.cycles).unwrap();
+            let captured = board.captured_edge(clock.cycles).unwrap();
             let since_edge_s = (clock.at.0 - edge.0) as f64 * 1e-9;
             let truth = since_edge_s * core_hz(crystal_ppb);
-            let off = clock.cycles.since(edge) as f64 - truth;
+            let off = clock.cycles.since(captured) as f64 - truth;
             worst = worst.max(off.abs());
         }
         println!("{crystal_ppb} ppb: within {worst:.2} cycles");

@@ -45,7 +45,11 @@ fn the_capture_of_each_edge_is_the_moment_at_which_it_came() {
             worst = worst.max(off.abs());
         }
         println!("{crystal_ppb} ppb: within {worst:.2} cycles");
-        assert!(worst <= CAPTURE_CYCLES, "{worst} cycles at {crystal_ppb}");
+        // The truth is a floating-point product: its last bits are no cycles.
+        assert!(
+            worst <= CAPTURE_CYCLES + 1e-6,
+            "{worst} cycles at {crystal_ppb}"
+        );
     }
 }
 

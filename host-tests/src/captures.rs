@@ -1,10 +1,10 @@
 //! The recordings of real receivers, which are other people's and lie beside the project.
 //!
-//! *Purpose.* [`folder`] and [`file()`] find them; where nobody has named their folder, a test says
-//! that it is skipped.
+//! *Purpose.* [`folder`] and [`file()`] find them; without a folder a test is skipped, with a
+//! message.
 //!
-//! *Design.* It says so on standard error past the test harness, which hides what a test that
-//! passes has printed.
+//! *Design.* The message goes to standard error past the test harness, which hides the output of
+//! a test that passes.
 //!
 //! *Limits.* For tests: a file that is missing in the folder is a panic.
 
@@ -14,7 +14,7 @@ use std::path::PathBuf;
 /// Names the folder.
 const VARIABLE: &str = "PIXCLOCK_CAPTURES";
 
-/// The folder; none, and a line that says so, if nobody has named it.
+/// The folder; none, and a message, if the variable is not set.
 #[must_use]
 pub fn folder() -> Option<PathBuf> {
     let folder = std::env::var_os(VARIABLE).map(PathBuf::from);

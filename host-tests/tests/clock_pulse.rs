@@ -166,8 +166,8 @@ fn it_is_followed_in_phase_and_frequency() {
 
 #[test]
 fn a_pulse_at_a_wrong_phase_is_refused_from_the_start() {
-    // One that is early by what a latency could be is taken for good: nothing on the
-    // board could tell.
+    // One that is early by a possible latency is taken for good: nothing on the board could
+    // detect it.
     each_seed(SEEDS, [100, 300, 500, -300], |checks, seed, late_ms| {
         let by_ns = late_ms * MS;
         let kind = PulseFaultKind::WrongPhase { by_ns };

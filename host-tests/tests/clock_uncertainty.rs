@@ -100,7 +100,7 @@ fn of_messages() {
         [
             ("M8", Latency::m8(), true),
             ("harsh M8", Latency::harsh_m8(), true),
-            // Soft edges: what is said of them has to hold, however wide.
+            // Soft edges: the uncertainty has to cover the error, however wide it is.
             ("gamma", Latency::gamma(), false),
             ("Rayleigh", Latency::rayleigh(), false),
         ]

@@ -68,7 +68,7 @@ fn every_intact_frame_comes_out() {
 }
 
 #[test]
-fn a_cold_start_is_told_as_it_was() {
+fn a_cold_start_is_reported_as_it_was() {
     let Some(folder) = captures::folder() else {
         return;
     };

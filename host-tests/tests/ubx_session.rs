@@ -285,7 +285,7 @@ fn an_hour_without_a_receiver_is_rounds_with_silence_between() {
 }
 
 #[test]
-fn a_receiver_that_talks_and_does_not_hear_is_left_at_its_rate() {
+fn a_receiver_that_sends_and_does_not_receive_is_left_at_its_rate() {
     let mut file = Vec::new();
     let mut sender = Receiver::new(ReceiverSettings {
         port: Port::CONFIGURED,

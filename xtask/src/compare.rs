@@ -109,7 +109,7 @@ pub fn run(options: &Options) -> Result<ExitCode> {
     }
     progress.finish_and_clear();
     let took_s = started.elapsed().as_secs_f64();
-    let lived_s: f64 = all.iter().map(|figures| figures.simulated_s() as f64).sum();
+    let simulated_s: f64 = all.iter().map(|figures| figures.simulated_s() as f64).sum();
     if options.json {
         let cases: Vec<_> = all.iter().map(report::value).collect();
         println!(
@@ -118,8 +118,8 @@ pub fn run(options: &Options) -> Result<ExitCode> {
         );
     }
     eprintln!(
-        "{total} trials in {took_s:.1} s: boards live {:.0} times as fast as time",
-        lived_s / took_s
+        "{total} trials in {took_s:.1} s: boards run {:.0} times as fast as time",
+        simulated_s / took_s
     );
     if options.renew {
         keep(&text)?;

@@ -1,13 +1,13 @@
 //! `testbed`: the paper's experiment, on virtual boards, on QEMU or on real boards.
 //!
-//! *Purpose.* Builds what each method needs, and has it run where it was asked for.
+//! *Purpose.* Builds what each method needs, and runs it where the options ask for it.
 //!
 //! *Design.* The crate `testbed` knows the experiment. Virtual boards are a heavy tool
 //! of their own; here are the boards at the end of a line, which QEMU's are, too:
 //! [`board`] talks with one, [`test`](mod@test) with all of them at once, [`emulated`] starts QEMU.
 //!
 //! *Limits.* QEMU has no input capture, hence no method with the pulse. Real boards run
-//! what they were flashed with, one way a call.
+//! what they were flashed with, one method a call.
 
 mod board;
 mod emulated;
@@ -36,7 +36,7 @@ use board::Connected;
 /// When something cannot be built or started, or a board is not as it has to be.
 pub fn run(options: &Options, arguments: &[String]) -> Result<ExitCode> {
     if options.one_line && !matches!(options.boards, Boards::At(_)) {
-        wrong_usage("--one-line tells how real boards are wired: name them with --boards");
+        wrong_usage("--one-line is about the wiring of real boards: name them with --boards");
     }
     match &options.boards {
         Boards::Virtual => on_virtual_boards(options, arguments),
@@ -123,8 +123,8 @@ fn on_qemu(options: &Options) -> Result<ExitCode> {
 }
 
 fn on_lines(options: &Options, addresses: &[String]) -> Result<ExitCode> {
-    let asked = options.asked_methods();
-    if asked.len() > 1 {
+    let named = options.named_methods();
+    if named.len() > 1 {
         wrong_usage(
             "real boards run the one method that they were flashed for: name one --method, or none",
         );
@@ -150,7 +150,7 @@ fn on_lines(options: &Options, addresses: &[String]) -> Result<ExitCode> {
     let prepared = test::prepare(options, boards, &bar)?;
     test::check_systems(&prepared)?;
     let method = test::method_of(&prepared)?;
-    if let Some(wanted) = asked.first().filter(|wanted| **wanted != method) {
+    if let Some(wanted) = named.first().filter(|wanted| **wanted != method) {
         bail!(
             "these boards run {method}, not {wanted}: flash them with what docs/hardware.md says \
              for it, or ask for --method {method}"
@@ -173,7 +173,7 @@ fn connect(options: &Options, addresses: &[Address]) -> Result<Vec<Connected>> {
     for address in addresses {
         let (name, line) = (address.to_string(), Link::open(address)?);
         let board = match boards.first() {
-            Some(first) if options.one_line => Connected::asked_over(first.asking()?, name, line),
+            Some(first) if options.one_line => Connected::with_lines(name, first.outgoing()?, line),
             _ => Connected::new(name, line)?,
         };
         boards.push(board);
@@ -187,7 +187,10 @@ fn conditions(options: &Options, boards: &str) -> Vec<(&'static str, String)> {
         conditions.push(("receivers", options.receiver.title().to_owned()));
     }
     if options.one_line {
-        conditions.push(("wiring", "all boards hear the first one's line".to_owned()));
+        conditions.push((
+            "wiring",
+            "all boards receive on the first one's line".to_owned(),
+        ));
     }
     conditions.push((
         "test",

@@ -114,7 +114,7 @@ fn it_measures_what_two_boards_are_apart_and_its_own_noise() {
 }
 
 /// Two boards whose RX are wired to the first one's line; their addresses, and how many
-/// bytes were said to the second one's, where nobody hears them.
+/// bytes were sent to the second one, where no board receives them.
 fn boards_on_one_line() -> (Vec<String>, Arc<AtomicUsize>) {
     let bound = || TcpListener::bind("127.0.0.1:0").expect("a port");
     let nodes = boards(&behaviours());
@@ -124,8 +124,8 @@ fn boards_on_one_line() -> (Vec<String>, Arc<AtomicUsize>) {
         format!("tcp:{address}")
     });
     let addresses = addresses.collect();
-    let unheard = Arc::new(AtomicUsize::new(0));
-    let counted = Arc::clone(&unheard);
+    let unreceived = Arc::new(AtomicUsize::new(0));
+    let counted = Arc::clone(&unreceived);
     thread::spawn(move || {
         let [host_1, host_2] = near.map(|listener| listener.accept().expect("the host").0);
         let node = |place: &String| {
@@ -146,7 +146,7 @@ fn boards_on_one_line() -> (Vec<String>, Arc<AtomicUsize>) {
         });
         pass_on(node_2, &[host_2], &AtomicUsize::new(0));
     });
-    (addresses, unheard)
+    (addresses, unreceived)
 }
 
 /// Hands on what comes, byte for byte, and counts it.
@@ -163,12 +163,12 @@ fn pass_on(mut from: TcpStream, to: &[TcpStream], count: &AtomicUsize) {
 }
 
 #[test]
-fn boards_that_hear_one_line_hear_the_same_pings() {
+fn boards_on_one_line_receive_the_same_pings() {
     let (_kept, out) = folder();
-    let (addresses, unheard) = boards_on_one_line();
+    let (addresses, unreceived) = boards_on_one_line();
     let output = testbed(&addresses, 3, &out, &["--one-line"]);
     assert_eq!(output.status.code(), Some(0), "{}", told(&output));
-    assert_eq!(unheard.load(Ordering::Relaxed), 0);
+    assert_eq!(unreceived.load(Ordering::Relaxed), 0);
     let summary = summary(&output);
     let method = &summary["methods"][0];
     let median = method["difference"]["p50_ns"].as_i64().expect("a size");

@@ -1,6 +1,6 @@
 //! The bounds, as data, and their verdicts.
 //!
-//! *Purpose.* One table of what is asked of our clock, for the tests, for CI and for
+//! *Purpose.* One table of what our clock has to keep, for the tests, for CI and for
 //! the printed figures.
 //!
 //! *Design.* A bound is a quantity of a case's [`Figures`] and a limit. Limits on
@@ -159,7 +159,7 @@ const TABLE: [(&str, &[(Quantity, f64)]); 16] = [
     ),
 ];
 
-/// A wander of at most 10 min, which can be told from a crystal.
+/// A wander of at most 10 min, which can be distinguished from a crystal's drift.
 const SEEN: &[(Quantity, f64)] = &[
     (MeanOverFloors, 0.8),
     (P99OverFloors, 1.0),

@@ -3,7 +3,7 @@
 //! *Purpose.* Every seed at every temperature of a case.
 //!
 //! *Design.* Threads take the next trial until none is left; each result has its
-//! place, so that the figures are the same whoever came first.
+//! place, so that the figures do not depend on the order.
 //!
 //! *Limits.* A case's trials are all held until they are pooled.
 
@@ -39,7 +39,7 @@ pub fn run(case: &'static Case, seeds: &Range<u64>, progress: &dyn Fn()) -> Opti
             scope.spawn(move || {
                 while let Some(&(seed, kind)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
                     let trial = trial::run(case, kind, seed);
-                    // Nobody listens once the campaign has been given up.
+                    // The receiver is gone once the campaign has been given up.
                     let _ = sender.send(((seed, kind as usize), trial));
                 }
             });

@@ -1,4 +1,4 @@
-//! The cases: what the two boards of a trial live through.
+//! The cases: what happens to the two boards of a trial.
 //!
 //! *Purpose.* Every row of the table of bounds as data.
 //!
@@ -18,7 +18,7 @@ pub const SECOND: u64 = 1_000_000_000;
 
 /// Seeds to tune an estimator with.
 pub const TUNING: Range<u64> = 0..60;
-/// Seeds for figures that are told to anybody: never tune with these.
+/// Seeds for published figures: never tune with these.
 pub const FIGURES: Range<u64> = 20_000..20_050;
 
 /// What the temperature does to the crystals; each board has its own sign.
@@ -114,7 +114,7 @@ impl Unit {
         }
     }
 
-    /// So many ns are one of it.
+    /// One of it. [ns]
     #[must_use]
     pub const fn ns(self) -> f64 {
         match self {
@@ -137,9 +137,9 @@ pub enum Lost {
 /// A row of the table.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// What it is called on the command line.
+    /// Its name on the command line.
     pub name: &'static str,
-    /// What it is.
+    /// Its title in the table.
     pub title: &'static str,
     /// The receivers.
     pub latency: fn() -> Latency,
@@ -153,18 +153,17 @@ pub struct Case {
     pub stored: bool,
     /// What is lost, and at which second.
     pub lost: Option<(Lost, u64)>,
-    /// In which the difference counts, in s after the start.
+    /// When the difference counts, after the start. [s]
     pub window_s: Range<u64>,
     /// Count one moment alone: the window's begin.
     pub one_moment: bool,
-    /// It has converged when the difference stays within so many ns until
-    /// [`SETTLED_S`].
+    /// It has converged when the difference stays below this until [`SETTLED_S`]. [ns]
     pub converged_ns: u32,
-    /// What its figures are told in.
+    /// The unit of its figures.
     pub unit: Unit,
 }
 
-/// When convergence is over, in s after the start: the bounds hold from here on.
+/// When convergence is over, after the start: the bounds hold from here on. [s]
 pub const SETTLED_S: u64 = 180;
 
 const ANY: &[Temperature] = &[
@@ -306,7 +305,7 @@ pub static CASES: [Case; 20] = [
     },
     Case {
         name: "pulse-timtp",
-        title: "pulse of 30 ns, its sawtooth told by TIM-TP, ramps",
+        title: "pulse of 30 ns, its sawtooth forecast by TIM-TP, ramps",
         pulse: Some(Pulse::Forecast),
         temperatures: RAMPS,
         ..PULSE

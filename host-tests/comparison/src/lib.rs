@@ -3,7 +3,7 @@
 //! *Purpose.* How far apart two equal boards are, in every case that the bounds
 //! name, and whether the bounds hold.
 //!
-//! *Design.* A [`case`] says what a world is like. A [`trial`] runs two boards in
+//! *Design.* A [`case`] describes a world. A [`trial`] runs two boards in
 //! one, with our very clock on a [`board_model`] and the [`baselines`] beside it. A
 //! [`campaign`] runs the trials of many seeds on all cores and pools them into
 //! [`figures`]; [`bounds`] judge those, [`report`] prints them. Everything comes

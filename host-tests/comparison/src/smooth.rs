@@ -1,7 +1,7 @@
 //! The best smooth line through a trace of arrivals.
 //!
-//! *Purpose.* Where nobody knows the true time: the line that everybody's published
-//! time is held against.
+//! *Purpose.* Where the true time is not known: the line with which published times are
+//! compared.
 //!
 //! *Design.* A message can be late but never early, and a crystal bends slowly. So
 //! the line goes through the least late arrival of each [`BIN_S`], by LOESS
@@ -15,12 +15,12 @@
 
 use crate::spread::quantile;
 
-/// One arrival counts in so many s.
+/// Of each bin one arrival counts. [s]
 pub const BIN_S: f64 = 10.0;
 /// Arrivals farther away than this do not count: longer than stalls and jitter, and
 /// shorter than what 1 ppm/min bends by more than a few ms.
 pub const REACH_S: f64 = 120.0;
-/// Residuals of more than so many medians do not count at all.
+/// Residuals of more than this many medians do not count at all.
 const OUTLYING: f64 = 6.0;
 
 /// A smooth line, of time in s.

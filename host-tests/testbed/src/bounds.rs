@@ -11,14 +11,14 @@
 use crate::method::Method;
 use crate::run::{Experiment, Place, Run};
 
-/// pixclock's mean difference, in ns.
+/// pixclock's mean difference. [ns]
 const PIXCLOCK_NS: f64 = 300_000.0;
 /// How much better than the paper's best method pixclock is.
 const BETTER: f64 = 20.0;
-/// The same on the pulse, as seen through PINGs, in ns.
+/// The same on the pulse, as seen through PINGs. [ns]
 const PULSE_NS: f64 = 500.0;
 
-/// Up to so many PINGs a second no answer may be missing.
+/// Up to this rate no answer may be missing. [PINGs a second]
 const EASY_HZ: u32 = 100;
 
 /// A bound and what was measured.
@@ -53,8 +53,8 @@ pub fn judge(experiment: &Experiment) -> Vec<Bound> {
         });
     };
     if let Some(ours) = ours {
-        let told = format!("{:.4} ms", ours / 1e6);
-        hold("pixclock: mean ≤ 0.3 ms", told, ours <= PIXCLOCK_NS);
+        let measured = format!("{:.4} ms", ours / 1e6);
+        hold("pixclock: mean ≤ 0.3 ms", measured, ours <= PIXCLOCK_NS);
     }
     if let (Some(ours), Some(best)) = (ours, best) {
         let better = best / ours;
@@ -65,8 +65,8 @@ pub fn judge(experiment: &Experiment) -> Vec<Bound> {
         );
     }
     if let Some(pulse) = pulse {
-        let told = format!("{:.3} µs", pulse / 1e3);
-        hold("pixclock-pps: mean ≤ 0.5 µs", told, pulse <= PULSE_NS);
+        let measured = format!("{:.3} µs", pulse / 1e3);
+        hold("pixclock-pps: mean ≤ 0.5 µs", measured, pulse <= PULSE_NS);
     }
     if let (Some(mixed), Some(step1)) = (mixed, step1) {
         hold(
@@ -77,15 +77,15 @@ pub fn judge(experiment: &Experiment) -> Vec<Bound> {
     }
     let missing: usize = experiment.runs.iter().map(Run::missing).sum();
     if experiment.rate_hz <= EASY_HZ {
-        let told = format!("{missing} missing");
-        hold("every PING is answered", told, missing == 0);
+        let measured = format!("{missing} missing");
+        hold("every PING is answered", measured, missing == 0);
     } else {
         let full: Option<u32> = experiment.runs.iter().map(Run::line_full).sum();
-        let told = format!("{missing} missing, {} by their count", full.unwrap_or(0));
+        let measured = format!("{missing} missing, {} by their count", full.unwrap_or(0));
         let counted = full.is_some_and(|full| missing <= full as usize);
         hold(
             "answers are missing only where the boards' lines were full",
-            told,
+            measured,
             counted,
         );
     }

@@ -1,15 +1,15 @@
 //! A test on one board while it goes on.
 //!
-//! *Purpose.* [`Conversation`] notes what was asked and what was said, and leaves a
-//! [`Record`].
+//! *Purpose.* [`Conversation`] takes each PING that was sent and each message of the
+//! board, and becomes a [`Record`].
 //!
-//! *Design.* Without I/O and without a clock: who talks with the board hands over what
-//! it said and when. The board's own words tell its anomalies: a time since boot that
-//! goes back (SYSTEM_TIME) is a reboot, an answer before 2016 is a clock that is not
-//! set, GPS_RAW_INT without a receiver is a receiver that is lost, silence is silence.
+//! *Design.* Without I/O and without a clock: the caller passes messages and their times.
+//! Anomalies follow from the board's own messages: a time since boot that goes back
+//! (SYSTEM_TIME) is a reboot, an answer before 2016 is a clock that is not set,
+//! GPS_RAW_INT without a receiver is a receiver that is lost, silence is silence.
 //!
-//! *Limits.* SYSTEM_TIME and GPS_RAW_INT come once a second, and a lost receiver is
-//! told after 2 s: samples of up to 3 s before it was noticed are set aside with it.
+//! *Limits.* SYSTEM_TIME and GPS_RAW_INT come once a second, and the board reports a lost
+//! receiver after 2 s: samples of up to 3 s before the report are discarded with it.
 
 use std::collections::BTreeMap;
 
@@ -17,12 +17,11 @@ use mavlink_node::client::{EARLIEST_UTC_US, Message};
 
 use crate::record::{Anomaly, Record, Sample, Verdict};
 
-/// How long a receiver has been lost at most when it is told, in ns.
+/// How long a receiver has been lost at most when the board reports it. [ns]
 const LOST_BEFORE_NS: i64 = 3_000_000_000;
 /// GPS_FIX_TYPE_NO_GPS.
 const NO_RECEIVER: u8 = 0;
-/// How long a board says nothing before it is said to be silent, in ns: five of its
-/// HEARTBEATs.
+/// A board without a message for this long is silent: five of its HEARTBEATs. [ns]
 pub const SILENCE_NS: i64 = 5_000_000_000;
 
 /// A test on one board while it goes on.
@@ -34,16 +33,16 @@ pub struct Conversation {
     samples: BTreeMap<u32, Sample>,
     send_delays_ns: Vec<i64>,
     last_boot_ms: Option<u32>,
-    last_heard_ns: Option<i64>,
+    last_message_ns: Option<i64>,
     rebooted_ns: Option<i64>,
     fell_silent_ns: Option<i64>,
-    /// From when to when it did not hear its receiver.
-    deaf: Vec<(i64, i64)>,
-    hears_receiver: bool,
+    /// From when to when it had no receiver.
+    without_receiver: Vec<(i64, i64)>,
+    has_receiver: bool,
 }
 
 impl Conversation {
-    /// One with the board `name`, in which nothing has been said.
+    /// One with the board `name`, without any message yet.
     #[must_use]
     pub fn new(name: &str) -> Self {
         Self {
@@ -52,24 +51,24 @@ impl Conversation {
             samples: BTreeMap::new(),
             send_delays_ns: Vec::new(),
             last_boot_ms: None,
-            last_heard_ns: None,
+            last_message_ns: None,
             rebooted_ns: None,
             fell_silent_ns: None,
-            deaf: Vec::new(),
-            hears_receiver: true,
+            without_receiver: Vec::new(),
+            has_receiver: true,
         }
     }
 
     /// A PING left at `sent_ns`, `delay_ns` later than planned.
-    pub fn asked(&mut self, sequence: u32, sent_ns: i64, delay_ns: Option<i64>) {
+    pub fn handle_sent(&mut self, sequence: u32, sent_ns: i64, delay_ns: Option<i64>) {
         self.sent.insert(sequence, sent_ns);
         self.send_delays_ns.extend(delay_ns);
     }
 
-    /// The board said `what` at `now_ns`.
-    pub fn heard(&mut self, now_ns: i64, what: &Message) {
-        self.last_heard_ns = Some(now_ns);
-        match *what {
+    /// The message `message` of the board came at `now_ns`.
+    pub fn handle_message(&mut self, now_ns: i64, message: &Message) {
+        self.last_message_ns = Some(now_ns);
+        match *message {
             Message::SystemTime { time_boot_ms, .. } => {
                 if self.last_boot_ms.is_some_and(|last| time_boot_ms < last)
                     && self.rebooted_ns.is_none()
@@ -92,27 +91,29 @@ impl Conversation {
                     verdict: Verdict::Good,
                 });
             }
-            Message::Fix { fix_type } => self.heard_of_receiver(now_ns, fix_type != NO_RECEIVER),
+            Message::Fix { fix_type } => self.handle_receiver(now_ns, fix_type != NO_RECEIVER),
             _ => {}
         }
     }
 
-    fn heard_of_receiver(&mut self, now_ns: i64, hears: bool) {
-        match (self.hears_receiver, hears) {
-            (true, false) => self.deaf.push((now_ns - LOST_BEFORE_NS, i64::MAX)),
+    fn handle_receiver(&mut self, now_ns: i64, has_receiver: bool) {
+        match (self.has_receiver, has_receiver) {
+            (true, false) => self
+                .without_receiver
+                .push((now_ns - LOST_BEFORE_NS, i64::MAX)),
             (false, true) => {
-                if let Some(last) = self.deaf.last_mut() {
+                if let Some(last) = self.without_receiver.last_mut() {
                     last.1 = now_ns;
                 }
             }
             _ => {}
         }
-        self.hears_receiver = hears;
+        self.has_receiver = has_receiver;
     }
 
     /// Whether, at `now_ns`, it has been silent for too long; or has rebooted.
     pub fn is_over(&mut self, now_ns: i64) -> bool {
-        let since = self.last_heard_ns.unwrap_or(0);
+        let since = self.last_message_ns.unwrap_or(0);
         if now_ns - since > SILENCE_NS {
             self.fell_silent_ns.get_or_insert(since);
         }
@@ -120,16 +121,20 @@ impl Conversation {
     }
 
     /// The line to the board is gone.
-    pub fn line_is_gone(&mut self, now_ns: i64) {
+    pub fn handle_line_lost(&mut self, now_ns: i64) {
         self.fell_silent_ns.get_or_insert(now_ns);
     }
 
-    /// What is left of it; `utc_ns` tells UTC at the arrival of a PING that was sent at
-    /// a moment, where that is known.
+    /// Its record; `utc_ns` is UTC at the arrival of a PING that was sent at a moment, where
+    /// that is known.
     #[must_use]
     pub fn end(self, utc_ns: Option<&dyn Fn(i64) -> i64>) -> Record {
         let mut samples: Vec<Sample> = self.samples.into_values().collect();
-        let is_deaf = |at: i64| self.deaf.iter().any(|&(from, to)| (from..to).contains(&at));
+        let has_none = |at: i64| {
+            self.without_receiver
+                .iter()
+                .any(|&(from, to)| (from..to).contains(&at))
+        };
         for sample in &mut samples {
             let is_set = sample.board_ns / 1_000 >= EARLIEST_UTC_US.cast_signed();
             if let Some(utc_ns) = utc_ns.filter(|_| is_set) {
@@ -139,7 +144,7 @@ impl Conversation {
                 Verdict::AfterReboot
             } else if !is_set {
                 Verdict::NotSet
-            } else if is_deaf(sample.sent_ns) {
+            } else if has_none(sample.sent_ns) {
                 Verdict::NoReceiver
             } else {
                 Verdict::Good
@@ -155,8 +160,8 @@ impl Conversation {
             anomalies.push(Anomaly::NeverSet);
         }
         // A receiver that was found before the test began is no anomaly.
-        let deaf = self.deaf.iter().filter(|&&(_, to)| to > 0);
-        anomalies.extend(deaf.map(|&(from, _)| Anomaly::LostReceiver(from)));
+        let lost = self.without_receiver.iter().filter(|&&(_, to)| to > 0);
+        anomalies.extend(lost.map(|&(from, _)| Anomaly::LostReceiver(from)));
         anomalies.extend(self.rebooted_ns.map(Anomaly::Rebooted));
         let is_silent = self.fell_silent_ns.filter(|_| self.rebooted_ns.is_none());
         anomalies.extend(
@@ -187,25 +192,25 @@ mod tests {
 
     fn answer(conversation: &mut Conversation, sequence: u32, board_us: u64) {
         let at = i64::from(sequence) * 100 * MS;
-        conversation.asked(sequence, at, None);
+        conversation.handle_sent(sequence, at, None);
         let target = Address {
             system: 255,
             component: 190,
         };
-        let what = Message::Ping {
+        let message = Message::Ping {
             time_usec: board_us,
             seq: sequence,
             target,
         };
-        conversation.heard(at + 5 * MS, &what);
+        conversation.handle_message(at + 5 * MS, &message);
     }
 
     fn system_time(conversation: &mut Conversation, now_ns: i64, time_boot_ms: u32) {
-        let what = Message::SystemTime {
+        let message = Message::SystemTime {
             time_unix_usec: 0,
             time_boot_ms,
         };
-        conversation.heard(now_ns, &what);
+        conversation.handle_message(now_ns, &message);
     }
 
     fn verdicts(record: &Record) -> Vec<Verdict> {
@@ -215,7 +220,7 @@ mod tests {
     #[test]
     fn samples_have_their_round_trip_and_their_error_and_lost_ones_are_counted() {
         let mut conversation = Conversation::new("one");
-        conversation.asked(0, 0, None);
+        conversation.handle_sent(0, 0, None);
         answer(&mut conversation, 1, UTC_US + 100_007);
         let utc = |at: i64| UTC_US.cast_signed() * 1_000 + at;
         let record = conversation.end(Some(&utc));
@@ -226,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reboot_is_seen_by_the_time_since_boot_and_what_was_before_is_kept() {
+    fn a_reboot_shows_in_the_time_since_boot_and_samples_before_it_are_kept() {
         let mut conversation = Conversation::new("one");
         system_time(&mut conversation, 0, 60_000);
         answer(&mut conversation, 1, UTC_US);
@@ -245,18 +250,18 @@ mod tests {
     }
 
     #[test]
-    fn a_lost_receiver_spoils_what_was_said_without_it() {
+    fn samples_without_a_receiver_are_not_used() {
         let mut conversation = Conversation::new("one");
         for sequence in 0..120 {
             answer(&mut conversation, sequence, UTC_US);
         }
         // Found before the test began.
-        conversation.heard(-9 * SECOND, &Message::Fix { fix_type: 0 });
-        conversation.heard(-8 * SECOND, &Message::Fix { fix_type: 3 });
-        conversation.heard(2 * SECOND, &Message::Fix { fix_type: 3 });
-        conversation.heard(5 * SECOND, &Message::Fix { fix_type: 0 });
-        conversation.heard(8 * SECOND, &Message::Fix { fix_type: 0 });
-        conversation.heard(10 * SECOND, &Message::Fix { fix_type: 2 });
+        conversation.handle_message(-9 * SECOND, &Message::Fix { fix_type: 0 });
+        conversation.handle_message(-8 * SECOND, &Message::Fix { fix_type: 3 });
+        conversation.handle_message(2 * SECOND, &Message::Fix { fix_type: 3 });
+        conversation.handle_message(5 * SECOND, &Message::Fix { fix_type: 0 });
+        conversation.handle_message(8 * SECOND, &Message::Fix { fix_type: 0 });
+        conversation.handle_message(10 * SECOND, &Message::Fix { fix_type: 2 });
         let record = conversation.end(None);
         assert_eq!(record.good().count(), 20 + 20);
         assert_eq!(record.anomalies, [Anomaly::LostReceiver(2 * SECOND)]);
@@ -271,13 +276,13 @@ mod tests {
         assert_eq!(record.anomalies, [Anomaly::NeverSet]);
 
         let mut conversation = Conversation::new("one");
-        conversation.asked(0, 0, None);
+        conversation.handle_sent(0, 0, None);
         assert!(conversation.is_over(SILENCE_NS + 1));
         assert_eq!(conversation.end(None).anomalies, [Anomaly::NoAnswer]);
     }
 
     #[test]
-    fn silence_is_said_from_where_it_began() {
+    fn silence_counts_from_its_beginning() {
         let mut conversation = Conversation::new("one");
         answer(&mut conversation, 10, UTC_US);
         assert!(!conversation.is_over(SECOND + SILENCE_NS));
@@ -296,12 +301,12 @@ mod tests {
             system: 255,
             component: 190,
         };
-        let what = Message::Ping {
+        let message = Message::Ping {
             time_usec: UTC_US,
             seq: 99,
             target,
         };
-        conversation.heard(SECOND, &what);
+        conversation.handle_message(SECOND, &message);
         let record = conversation.end(None);
         assert_eq!(record.samples.len(), 1);
         assert_eq!(record.samples[0].board_ns, UTC_US.cast_signed() * 1_000);

@@ -1,11 +1,11 @@
 //! How an experiment ends.
 //!
-//! *Purpose.* Runs are kept as they come, and at the end all of it is written, told and
-//! judged, in one manner for virtual and for real boards.
+//! *Purpose.* Runs are kept as they come, and at the end all of it is written, printed and
+//! judged, alike for virtual and for real boards.
 //!
 //! *Design.* [`Results`] holds the runs and the folder. A file that cannot be written ends
 //! nothing: what was measured is written to the system's folder for temporary files at
-//! the end, and both are said.
+//! the end, and both are printed.
 //!
 //! *Limits.* It prints to standard output, and what is wrong to standard error.
 
@@ -16,7 +16,7 @@ use anyhow::Result;
 
 use crate::files::{Folder, summary};
 use crate::options::Options;
-use crate::report::{told, told_estimate};
+use crate::report::{estimate_text, with_unit};
 use crate::run::{Experiment, Place, Run};
 use crate::{bounds, report};
 
@@ -61,12 +61,12 @@ impl Results {
         self.experiment.runs.push(run);
     }
 
-    /// Says why there are no more runs.
+    /// There are no more runs, because of `why`.
     pub fn cut_short(&mut self, why: &str) {
         self.experiment.cut_short.get_or_insert(why.to_owned());
     }
 
-    /// Writes, tells and judges. The exit code says whether everything went well.
+    /// Writes, prints and judges. The exit code is a success if everything went well.
     ///
     /// # Errors
     ///
@@ -131,12 +131,12 @@ pub fn text(experiment: &Experiment) -> String {
             .map_or_else(String::new, |ms| format!("{ms:.2} ms"));
         let mean = experiment
             .estimate(method)
-            .map_or_else(|| "no pair".to_owned(), told_estimate);
+            .map_or_else(|| "no pair".to_owned(), estimate_text);
         let spread = experiment.spread(method);
         let size = |pick: fn(&crate::Spread) -> u64| {
             spread
                 .as_ref()
-                .map_or_else(String::new, |spread| told(pick(spread) as f64))
+                .map_or_else(String::new, |spread| with_unit(pick(spread) as f64))
         };
         let _ = writeln!(
             out,

@@ -4,7 +4,7 @@
 //! report, as files that other programs open.
 //!
 //! *Design.* `METHOD/seed-N/samples-1.csv` (a file a board), the board's own `log-1.csv`
-//! where it could be had, and `difference.csv` are written as soon as a run is over; at the
+//! where there is one, and `difference.csv` are written as soon as a run is over; at the
 //! end follow `summary.json`, `report.html` and its figures, `figures/METHOD.svg`. On virtual
 //! boards nothing in them depends on the hour or on the machine. When a file cannot be
 //! written, the others still are; and all of it goes to the system's folder for temporary
@@ -151,7 +151,7 @@ fn samples(csv: &mut csv::Writer<Vec<u8>>, record: &Record) -> csv::Result<()> {
         "sequence",
         "sent_ns",
         "board_time_ns",
-        "told_by",
+        "source",
         "round_trip_ns",
         "error_to_utc_ns",
         "verdict",
@@ -184,7 +184,7 @@ fn differences(csv: &mut csv::Writer<Vec<u8>>, run: &Run) -> csv::Result<()> {
     Ok(())
 }
 
-/// The summary: what was asked for, and each method's figures, in ns.
+/// The summary: what was asked for, and each method's figures. [ns]
 #[must_use]
 pub fn summary(experiment: &Experiment) -> Value {
     let methods: Vec<Value> = experiment

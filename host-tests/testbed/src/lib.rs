@@ -1,10 +1,10 @@
-//! The paper's experiment, whoever the boards are.
+//! The paper's experiment, on boards of any kind.
 //!
 //! *Purpose.* Shim, Joo and Kim (2021) sent PINGs to two flight controllers at once and
 //! looked how far their times were apart. Here is what that takes beside the boards:
-//! which [`Method`]s there are, when to ask ([`Schedule`]), what was said
-//! ([`Conversation`]), which answers belong together, what it comes to, and the files
-//! and the page that tell it.
+//! which [`Method`]s there are, when to ask ([`Schedule`]), what was asked and answered
+//! ([`Conversation`]), which answers belong together, the statistics, and the files and
+//! the page with the results.
 //!
 //! *Design.* Nothing here does I/O with a board or knows the time: the program that runs
 //! virtual boards and the verb that talks to real ones feed it alike.
@@ -12,6 +12,7 @@
 //! *Limits.* A difference is seen through PINGs, whose moment an interrupt stamps. Answers
 //! have whole µs; the boards' own logs, where they are at hand, have ns.
 
+mod boards;
 pub mod bounds;
 mod conversation;
 mod ending;
@@ -28,11 +29,12 @@ mod run;
 mod schedule;
 mod statistics;
 
+pub use boards::{Boards, Crystals, Receivers};
 pub use conversation::{Conversation, SILENCE_NS};
 pub use ending::{Results, text};
 pub use files::{Folder, summary};
 pub use method::Method;
-pub use options::{Boards, Crystals, Options, Receivers};
+pub use options::Options;
 pub use own_log::OwnLog;
 pub use pairing::{Difference, differences, discard_late};
 pub use record::{Anomaly, Record, Sample, Verdict};

@@ -1,7 +1,7 @@
-//! The methods of keeping time that are set beside each other.
+//! The methods of keeping time that the experiment compares.
 //!
-//! *Purpose.* What each method is called, which images its boards need, and what the paper
-//! measured for it.
+//! *Purpose.* The name of each method, the images that its boards need, and the paper's
+//! figure for it.
 //!
 //! *Design.* A method is a build setting of the firmware, a tick and a baud rate of the
 //! receiver's line for each board, and whether the receiver's pulse is wired.
@@ -26,7 +26,7 @@ pub enum Method {
     PaperDefaultMixed,
     /// The paper's step I: 115200 and a constant wait of 5 ms.
     PaperStep1,
-    /// The paper's step II: SysTick at priority 0 and a tick of so many µs.
+    /// The paper's step II: SysTick at priority 0 and this tick. [µs]
     PaperStep2(u32),
     /// pixclock on the receiver's messages.
     Pixclock,
@@ -47,7 +47,7 @@ impl Method {
         Self::PixclockPps,
     ];
 
-    /// What a person reads.
+    /// Its description in the report.
     #[must_use]
     pub fn title(self) -> String {
         match self {
@@ -163,8 +163,11 @@ mod tests {
         let mut folders = Method::ALL.map(Method::folder).to_vec();
         folders.dedup();
         assert_eq!(folders.len(), Method::ALL.len());
-        let told = "paper-step2:100".parse::<Method>().unwrap_err();
-        assert!(told.contains("paper-step2:500, paper-step2:200"), "{told}");
+        let error = "paper-step2:100".parse::<Method>().unwrap_err();
+        assert!(
+            error.contains("paper-step2:500, paper-step2:200"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -3,27 +3,22 @@
 //! *Purpose.* One place where they are named, checked and explained, for the verb that
 //! a person gives and for the program that runs virtual boards.
 //!
-//! *Design.* A clap [`Args`]. Whoever builds the images hands them over with `--image`.
+//! *Design.* A clap [`Args`]. The verb builds the images and passes them with `--image`.
 //!
-//! *Limits.* A wrong option ends the program with exit code 2 and says what is allowed.
+//! *Limits.* A wrong option ends the program with exit code 2 and a list of what is allowed.
 
+use std::convert::Infallible;
 use std::path::PathBuf;
-use std::str::FromStr;
 
-use clap::{Args, ValueEnum};
+use clap::{Args, ValueEnum as _};
 use variant::Image;
-use world::Latency;
 
+use crate::boards::{Boards, Crystals, Receivers};
 use crate::method::Method;
 
 /// PINGs a second at most: more than the line has room for.
 const MAX_RATE_HZ: i64 = 1_000;
-/// Two boards make a difference; more than this share no machine.
-const BOARDS: std::ops::RangeInclusive<usize> = 2..=16;
-/// The largest error of a crystal, in ppm.
-const MAX_CRYSTAL_PPM: f64 = 500.0;
-
-/// What the experiment can be asked for.
+/// The options of the experiment.
 #[derive(Args, Clone, Debug)]
 pub struct Options {
     /// Which boards: `virtual` ones, boards on `qemu`, or where two or more real ones
@@ -50,12 +45,15 @@ pub struct Options {
     pub one_line: bool,
 
     /// Which methods of keeping time, or `all`; on real boards, what they are expected to
-    /// run. Without it all, and on real boards whatever they run
+    /// run. Without it all, and on real boards the one that they run
     #[arg(long = "method", value_name = "METHOD", value_delimiter = ',', value_parser = parse_methods)]
     methods: Vec<Methods>,
 
-    /// The receivers of boards that are not real: what they take from an epoch to their
-    /// message
+    /// What `--method` was called; refused.
+    #[arg(long, hide = true, num_args = 0..=1, default_missing_value = "", value_parser = console::renamed("--method"))]
+    way: Option<Infallible>,
+
+    /// The receivers of boards that are not real: their latency
     #[arg(long, value_enum, default_value_t = Receivers::M8)]
     pub receiver: Receivers,
 
@@ -68,11 +66,11 @@ pub struct Options {
     )]
     pub crystals: Crystals,
 
-    /// Where the chance of boards that are not real comes from
+    /// The first seed of boards that are not real
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
 
-    /// Run every method with so many seeds, from the first on
+    /// Run every method with this many seeds, from the first on
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1_000))]
     pub seeds: u64,
 
@@ -97,132 +95,21 @@ pub struct Options {
 #[derive(Clone, Debug)]
 struct Methods(Vec<Method>);
 
-/// Which boards.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Boards {
-    /// Virtual Pixhawks.
-    Virtual,
-    /// QEMU, two boards.
-    Qemu,
-    /// These addresses, two at least.
-    At(Vec<String>),
-}
-
-impl FromStr for Boards {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "virtual" => Ok(Self::Virtual),
-            "qemu" => Ok(Self::Qemu),
-            addresses => {
-                let addresses: Vec<String> = addresses.split(',').map(str::to_owned).collect();
-                if BOARDS.contains(&addresses.len()) {
-                    Ok(Self::At(addresses))
-                } else {
-                    Err(
-                        "allowed: virtual, qemu, or 2 to 16 addresses with commas between them, \
-                         as in serial:/dev/ttyUSB0,serial:/dev/ttyUSB1"
-                            .to_owned(),
-                    )
-                }
-            }
-        }
-    }
-}
-
-/// The receivers of boards that are not real.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Receivers {
-    /// An M8 in good order: half a bell of 30 ms above 40 ms
-    M8,
-    /// An F9: half a bell with 3 ms of standard deviation above 60.9 ms
-    F9,
-    /// An M8 at work: even over 90 ms above 94.7 ms
-    Harsh,
-}
-
-impl Receivers {
-    /// What they take from an epoch to their message.
-    #[must_use]
-    pub fn latency(self) -> Latency {
-        match self {
-            Self::M8 => Latency::m8(),
-            Self::F9 => Latency::f9(),
-            Self::Harsh => Latency::harsh_m8(),
-        }
-    }
-
-    /// What a person reads.
-    #[must_use]
-    pub const fn title(self) -> &'static str {
-        match self {
-            Self::M8 => "M8: half a bell of 30 ms above 40 ms",
-            Self::F9 => "F9: half a bell with 3 ms of standard deviation above 60.9 ms",
-            Self::Harsh => "harsh M8: even over 90 ms above 94.7 ms",
-        }
-    }
-}
-
-/// The error of each board's crystal.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Crystals {
-    /// In ppb, board by board.
-    pub ppb: Vec<i32>,
-    /// As they were written.
-    text: String,
-}
-
-impl Crystals {
-    /// As a person wrote them.
-    #[must_use]
-    pub fn text(&self) -> &str {
-        &self.text
-    }
-}
-
-impl FromStr for Crystals {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || {
-            "allowed: 2 to 16 numbers from -500 to 500 with commas between them, as in 40,-25"
-                .to_owned()
-        };
-        let ppb = text.split(',').map(|ppm| {
-            let ppm: f64 = ppm.trim().parse().map_err(|_| wrong())?;
-            (ppm.abs() <= MAX_CRYSTAL_PPM)
-                .then(|| (ppm * 1e3).round() as i32)
-                .ok_or_else(wrong)
-        });
-        let ppb = ppb.collect::<Result<Vec<i32>, String>>()?;
-        if !BOARDS.contains(&ppb.len()) {
-            return Err(wrong());
-        }
-        Ok(Self {
-            ppb,
-            text: text.to_owned(),
-        })
-    }
-}
-
 impl Options {
-    /// The methods that are asked for by name, in the order of [`Method::ALL`]; none if none
-    /// is.
+    /// The methods that `--method` names, in the order of [`Method::ALL`].
     #[must_use]
-    pub fn asked_methods(&self) -> Vec<Method> {
-        let asked = |method: &Method| {
-            self.methods
-                .iter()
-                .any(|methods| methods.0.contains(method))
+    pub fn named_methods(&self) -> Vec<Method> {
+        let is_named = |method: &Method| {
+            let mut named = self.methods.iter();
+            named.any(|methods| methods.0.contains(method))
         };
-        Method::ALL.into_iter().filter(asked).collect()
+        Method::ALL.into_iter().filter(is_named).collect()
     }
 
-    /// The methods to run on boards that run whatever they are given.
+    /// The methods to run on boards that are given their image.
     #[must_use]
     pub fn methods(&self) -> Vec<Method> {
-        match self.asked_methods() {
+        match self.named_methods() {
             methods if methods.is_empty() => Method::ALL.to_vec(),
             methods => methods,
         }
@@ -234,7 +121,7 @@ impl Options {
         self.seed..self.seed.saturating_add(self.seeds)
     }
 
-    /// Where the image of `setting` is, if it was handed over.
+    /// Where the image of `setting` is, if it was passed.
     #[must_use]
     pub fn image(&self, setting: Image) -> Option<&PathBuf> {
         let name = setting.to_string();
@@ -251,7 +138,7 @@ impl Options {
             Boards::Qemu => command += " --boards qemu",
             Boards::At(addresses) => command += &format!(" --boards {}", addresses.join(",")),
         }
-        let methods = self.asked_methods();
+        let methods = self.named_methods();
         if methods.len() == Method::ALL.len() || (methods.is_empty() && !self.are_real()) {
             command += " --method all";
         } else if !methods.is_empty() {
@@ -270,7 +157,7 @@ impl Options {
             command += &format!(" --seeds {}", self.seeds);
         }
         if self.boards == Boards::Virtual {
-            command += &format!(" --crystals {}", self.crystals.text);
+            command += &format!(" --crystals {}", self.crystals.text());
         }
         command
     }
@@ -331,6 +218,15 @@ mod tests {
             let again = command.strip_prefix("cargo xtask testbed").unwrap();
             assert_eq!(parse(again).unwrap().command(), command);
             assert_eq!(command.contains("--one-line"), words.contains("--one-line"));
+        }
+    }
+
+    #[test]
+    fn an_old_word_is_refused_with_the_new_one() {
+        for old in ["--way paper-step1", "--way=pixclock", "--way"] {
+            let error = parse(old).unwrap_err();
+            assert_eq!(error.exit_code(), 2, "{error}");
+            assert!(error.to_string().contains("`--method`"), "{error}");
         }
     }
 

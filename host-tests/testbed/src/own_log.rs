@@ -1,14 +1,14 @@
-//! What a board wrote of a test itself.
+//! A board's own log of a test.
 //!
 //! *Purpose.* The file of a board's log, off its card or over its line. Its lines are the
 //! same samples as the answers to the PINGs, with the nanoseconds that those have no room
 //! for.
 //!
 //! *Design.* A line belongs to an answer when number and whole µs are the same, so that
-//! the PINGs of somebody else on the line do no harm. The file is kept byte for byte.
+//! the PINGs of another client on the line do no harm. The file is kept byte for byte.
 //!
 //! *Limits.* A log that is full has the first samples of a test, 8 192 on a Pixhawk, and
-//! tells how many more there were (`PC_LOG_MISSED`).
+//! counts how many more there were (`PC_LOG_MISSED`).
 
 use std::collections::BTreeMap;
 
@@ -109,15 +109,15 @@ mod tests {
     #[test]
     fn what_is_no_log_is_refused_with_its_line() {
         let cut = FILE.replace("0001795320100000999", "0001795320100Z");
-        let told = format!("{:#}", OwnLog::read(cut.into(), 0).unwrap_err());
-        assert!(told.contains("line 3 is no line"), "{told}");
-        let told = format!(
+        let error = format!("{:#}", OwnLog::read(cut.into(), 0).unwrap_err());
+        assert!(error.contains("line 3 is no line"), "{error}");
+        let error = format!(
             "{:#}",
             OwnLog::read(b"a,b\r\n1,2\r\n".to_vec(), 0).unwrap_err()
         );
-        assert!(told.contains("no column sequence"), "{told}");
-        let told = format!("{:#}", OwnLog::read(Vec::new(), 0).unwrap_err());
-        assert!(told.contains("no column"), "{told}");
+        assert!(error.contains("no column sequence"), "{error}");
+        let error = format!("{:#}", OwnLog::read(Vec::new(), 0).unwrap_err());
+        assert!(error.contains("no column"), "{error}");
         assert!(OwnLog::read(FILE[..150].into(), 0).is_err());
     }
 }

@@ -9,18 +9,18 @@
 //! moment of arrival is not known: [`discard_late`] takes those out, board by board.
 //! Every board is held against the first.
 //!
-//! *Limits.* What both ways have in common, and a difference between the two boards'
-//! ways there that is always the same, no round trip tells.
+//! *Limits.* A delay in both directions alike, and a constant difference between the two
+//! boards' lines, show in no round trip.
 
 use comparison::spread::quantile;
 
 use crate::record::{Record, Sample, Verdict};
 
-/// A round trip is late when it exceeds the least by more than so many times what half
-/// of them exceed it by.
+/// A round trip is late when it exceeds the least by more than this many times the median's
+/// excess.
 const LATE: i64 = 4;
-/// A round trip that is within so many ns of the least is never late: the time that a
-/// byte takes at 115200 baud.
+/// A round trip this close to the least is never late: the time that a byte takes at 115200
+/// baud. [ns]
 const NEVER_LATE_NS: i64 = 86_806;
 
 /// How far a board was from the first at one PING.
@@ -32,7 +32,7 @@ pub struct Difference {
     pub at_ns: i64,
     /// The board, counted from 0; never 0.
     pub board: usize,
-    /// Its time less the first's, in ns.
+    /// Its time less the first's. [ns]
     pub ns: i64,
 }
 
@@ -59,17 +59,17 @@ pub fn differences(records: &[Record]) -> Vec<Difference> {
 fn difference(board: usize, ours: &Sample, theirs: &Sample) -> Difference {
     let are_fine = ours.is_from_log && theirs.is_from_log;
     let unit = if are_fine { 1 } else { 1_000 };
-    let told = theirs.board_ns / unit - ours.board_ns / unit;
+    let apart = theirs.board_ns / unit - ours.board_ns / unit;
     Difference {
         sequence: ours.sequence,
         at_ns: ours.sent_ns,
         board,
-        ns: told * unit - (theirs.sent_ns - ours.sent_ns),
+        ns: apart * unit - (theirs.sent_ns - ours.sent_ns),
     }
 }
 
-/// Marks the samples whose round trip was too long, and tells the limit, in ns; none
-/// without a sample.
+/// Marks the samples whose round trip was too long, and returns the limit; none without a
+/// sample. [ns]
 pub fn discard_late(record: &mut Record) -> Option<i64> {
     let mut trips: Vec<i64> = record.good().map(|sample| sample.round_trip_ns).collect();
     trips.sort_unstable();
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn the_slow_ones_are_set_aside_and_a_steady_line_loses_nothing() {
+    fn the_slow_ones_are_discarded_and_a_steady_line_loses_nothing() {
         let mut steady = record((0..100).map(|n| sample(n, 0, 0)).collect());
         for (n, sample) in steady.samples.iter_mut().enumerate() {
             sample.round_trip_ns += n as i64 * 800;

@@ -4,7 +4,7 @@
 //! difference over the time, its mean as a dashed line.
 //!
 //! *Design.* SVG as a text, small, so that its letters are still readable when a phone
-//! shrinks it, and in black: the lines are told apart by how they are dashed. Of a test
+//! shrinks it, and in black: the lines differ by their dashes. Of a test
 //! of thousands of samples, each column of the picture shows the least and the greatest.
 //!
 //! *Limits.* Differences are drawn without their sign.
@@ -29,7 +29,7 @@ const CURVE: RGBColor = RGBColor(90, 90, 90);
 /// A level line across the figure.
 #[derive(Clone, Debug)]
 pub struct Level {
-    /// Where, in ns.
+    /// Where. [ns]
     pub ns: f64,
     /// What it is called.
     pub name: String,

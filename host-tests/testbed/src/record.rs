@@ -1,8 +1,8 @@
-//! What became of a test on one board.
+//! The results of a test on one board.
 //!
 //! *Purpose.* [`Record`]: samples, and the [`Anomaly`]s that spoiled some of them.
 //!
-//! *Design.* A sample that falls into a anomaly is kept, marked, and not used. Answers
+//! *Design.* A sample that falls into an anomaly is kept, marked, and not used. Answers
 //! have whole µs; where the board's own log is at hand, its nanoseconds take their place.
 //!
 //! *Limits.* A log is held against the answers, not against the PINGs that had none.
@@ -22,9 +22,9 @@ pub struct Sample {
     pub sent_ns: i64,
     /// The board's time at its arrival, in ns: of UTC, or since boot.
     pub board_ns: i64,
-    /// That time is out of the board's own log; what it was answered with are whole µs.
+    /// That time is out of the board's own log; the answer had whole µs.
     pub is_from_log: bool,
-    /// From sending to the answer, in ns.
+    /// From sending to the answer. [ns]
     pub round_trip_ns: i64,
     /// The board's time less UTC, in ns, where UTC is known.
     pub error_ns: Option<i64>,
@@ -39,7 +39,7 @@ pub enum Verdict {
     Good,
     /// The board's clock was not set.
     NotSet,
-    /// The board did not hear its receiver.
+    /// The board had no receiver.
     NoReceiver,
     /// The board had started anew.
     AfterReboot,
@@ -70,11 +70,11 @@ pub enum Anomaly {
     Rebooted(i64),
     /// It lost its receiver.
     LostReceiver(i64),
-    /// It said nothing any more.
+    /// It sent nothing any more.
     FellSilent(i64),
     /// Its own log was not to be had, for this reason.
     NoLog(String),
-    /// So many of its answers ought to be in its log and are not.
+    /// This many of its answers ought to be in its log and are not.
     NotInLog(usize),
 }
 
@@ -115,7 +115,7 @@ impl fmt::Display for Anomaly {
     }
 }
 
-/// What is left of a test on one board.
+/// The results of a test on one board.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Record {
     /// Where it is, or which one of the virtual ones.
@@ -129,8 +129,8 @@ pub struct Record {
     pub samples: Vec<Sample>,
     /// What went wrong, in the order of time.
     pub anomalies: Vec<Anomaly>,
-    /// How much later than planned each PING left, in ns; nothing where it leaves on
-    /// the dot.
+    /// How much later than planned each PING left; nothing where it leaves on
+    /// the dot. [ns]
     pub send_delays_ns: Vec<i64>,
     /// The file of its own log.
     pub own_log: Option<Vec<u8>>,
@@ -189,7 +189,7 @@ mod tests {
 
     const UTC_NS: i64 = 1_795_320_000_000_000_000;
 
-    /// What a board said of four PINGs.
+    /// A board's answers to four PINGs.
     fn record() -> Record {
         let sample = |sequence: u32| Sample {
             sequence,
@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn the_boards_own_log_adds_the_nanoseconds_and_what_it_lacks_is_told() {
+    fn the_boards_own_log_adds_the_nanoseconds_and_its_gaps_are_reported() {
         let record = with_log(&[0, 1, 2, 3], 0);
         assert!(record.samples.iter().all(|sample| sample.is_from_log));
         assert_eq!(record.samples[3].error_ns, Some(3_077));

@@ -1,7 +1,7 @@
 //! The report: one page for people.
 //!
 //! *Purpose.* The paper's figures redrawn, its table beside ours, how it was measured,
-//! and what it does not say.
+//! and what it does not show.
 //!
 //! *Design.* One HTML file that needs nothing else: pictures and style are in it, there
 //! is no script, and it fits a phone and black-and-white paper. It holds no date and no
@@ -25,8 +25,8 @@ use crate::statistics::{Estimate, Spread};
 const STYLE: &str = include_str!("report.css");
 const MEAN_DASHES: (u32, u32) = (10, 6);
 const PAPER_DASHES: (u32, u32) = (2, 5);
-/// A wide range would flatten the curve: the paper's mean is drawn when it is at most so
-/// many times what we measured.
+/// The paper's mean is drawn when it is at most this many times what we measured: a wider
+/// range would flatten the curve.
 const SHOWN_UP_TO: f64 = 10.0;
 
 /// The page.
@@ -82,7 +82,7 @@ fn introduction(experiment: &Experiment) -> Markup {
         }
         Place::Qemu => "on QEMU, with simulated receivers. Nothing here was measured on metal",
         Place::Lines => "on boards at lines of this host",
-        Place::OneLine => "on boards that hear one line of this host",
+        Place::OneLine => "on boards that receive on one line of this host",
     };
     html! {
         p {
@@ -126,8 +126,8 @@ fn table(experiment: &Experiment) -> Markup {
                         td { (method.paper_ms().map_or_else(|| "–".to_owned(), |ms| format!("{ms:.2} ms"))) }
                         td.wide { (estimate(experiment.estimate(method))) }
                         @let spread = experiment.spread(method);
-                        td { (spread.map_or_else(none, |s| told(s.p95 as f64))) }
-                        td { (spread.map_or_else(none, |s| told(s.max as f64))) }
+                        td { (spread.map_or_else(none, |s| with_unit(s.p95 as f64))) }
+                        td { (spread.map_or_else(none, |s| with_unit(s.max as f64))) }
                         td { (spread.map_or(0, |s| s.count)) }
                     }
                 }
@@ -194,11 +194,11 @@ fn noise(experiment: &Experiment) -> Markup {
         h3 { "This host’s own noise" }
         p {
             @if experiment.place == Place::OneLine {
-                "All boards hear the same PING, so that the difference has nothing of this host in it."
+                "All boards receive the same PING, so that the difference has nothing of this host in it."
             } @else {
                 "A difference is no better known than the moments at which two PINGs arrived. What \
-                 is beyond the least round trip was lost on one of the two ways; late samples were \
-                 set aside before the table was made."
+                 is beyond the least round trip was lost in one of the two directions; late samples were \
+                 discarded before the table was made."
             }
         }
         div.scroll { table {
@@ -215,12 +215,12 @@ fn noise(experiment: &Experiment) -> Markup {
                         tr {
                             td { @if index == 0 { (run.method.title()) } }
                             td { (index + 1) }
-                            td { (least.map_or_else(none, |ns| told(ns as f64))) }
-                            td { (trips.map_or_else(none, |s| told(s.p50 as f64))) }
-                            td { (trips.map_or_else(none, |s| told(s.p95 as f64))) }
-                            td { (run.late_ns.get(index).map_or_else(none, |&ns| told(ns as f64))) }
-                            td { (delays.map_or_else(none, |s| told(s.mean))) }
-                            td { (delays.map_or_else(none, |s| told(s.max as f64))) }
+                            td { (least.map_or_else(none, |ns| with_unit(ns as f64))) }
+                            td { (trips.map_or_else(none, |s| with_unit(s.p50 as f64))) }
+                            td { (trips.map_or_else(none, |s| with_unit(s.p95 as f64))) }
+                            td { (run.late_ns.get(index).map_or_else(none, |&ns| with_unit(ns as f64))) }
+                            td { (delays.map_or_else(none, |s| with_unit(s.mean))) }
+                            td { (delays.map_or_else(none, |s| with_unit(s.max as f64))) }
                         }
                     }
                 }
@@ -243,10 +243,10 @@ pub(crate) fn noise_text(experiment: &Experiment) -> String {
                 out,
                 "this host's noise, {}: round trip {} at the median, {} at 95 %; sent {} late on average, {} at most",
                 record.name,
-                told(trips.p50 as f64),
-                told(trips.p95 as f64),
-                told(delays.mean),
-                told(delays.max as f64),
+                with_unit(trips.p50 as f64),
+                with_unit(trips.p95 as f64),
+                with_unit(delays.mean),
+                with_unit(delays.max as f64),
             );
         }
     }
@@ -255,7 +255,7 @@ pub(crate) fn noise_text(experiment: &Experiment) -> String {
 
 fn cells(spread: Spread) -> Markup {
     html! {
-        td { (told(spread.mean)) } td { (told(spread.p95 as f64)) } td { (told(spread.max as f64)) }
+        td { (with_unit(spread.mean)) } td { (with_unit(spread.p95 as f64)) } td { (with_unit(spread.max as f64)) }
     }
 }
 
@@ -284,7 +284,7 @@ pub(crate) fn picture(run: &Run) -> Result<String> {
     if let Some(spread) = spread {
         levels.push(Level {
             ns: spread.mean,
-            name: format!("mean {}", told(spread.mean)),
+            name: format!("mean {}", with_unit(spread.mean)),
             dashes: MEAN_DASHES,
         });
     }
@@ -315,8 +315,8 @@ fn figure(experiment: &Experiment, run: &Run) -> Result<Markup> {
                 @if let Some(number) = run.method.paper_figure() { ", as the paper’s figure " (number) }
                 @if several { ", seed " (run.seed) }
                 @if let Some(spread) = spread {
-                    ": mean " (told(spread.mean)) ", 95 % below " (told(spread.p95 as f64))
-                    ", at most " (told(spread.max as f64))
+                    ": mean " (with_unit(spread.mean)) ", 95 % below " (with_unit(spread.p95 as f64))
+                    ", at most " (with_unit(spread.max as f64))
                 }
                 "."
             }
@@ -368,7 +368,7 @@ fn beside_the_paper(experiment: &Experiment) -> Markup {
     html! {
         p { "How far our figure for each of the paper’s methods stands from the paper’s own:" }
         ul { @for (method, paper, mean) in &of_paper {
-            li { (method.title()) ": " (told(mean * 1e6)) " beside " (format!("{paper:.2} ms")) ", "
+            li { (method.title()) ": " (with_unit(mean * 1e6)) " beside " (format!("{paper:.2} ms")) ", "
                  (format!("{:.2}", mean / paper)) " times as much" }
         } }
         @if ours.len() > 1 {
@@ -402,18 +402,18 @@ fn estimate(estimate: Option<Estimate>) -> Markup {
         @match estimate {
             None => { (none()) }
             Some(Estimate { mean, half_width, .. }) => {
-                span { (told(mean)) }
-                @if let Some(half) = half_width { " " span { "± " (told(half)) } }
+                span { (with_unit(mean)) }
+                @if let Some(half) = half_width { " " span { "± " (with_unit(half)) } }
             }
         }
     }
 }
 
 /// A mean with its confidence interval.
-pub(crate) fn told_estimate(estimate: Estimate) -> String {
+pub(crate) fn estimate_text(estimate: Estimate) -> String {
     match estimate.half_width {
-        Some(half) => format!("{} ± {}", told(estimate.mean), told(half)),
-        None => told(estimate.mean),
+        Some(half) => format!("{} ± {}", with_unit(estimate.mean), with_unit(half)),
+        None => with_unit(estimate.mean),
     }
 }
 
@@ -422,7 +422,7 @@ fn none() -> String {
 }
 
 /// A time in the unit that fits its size, with three digits.
-pub(crate) fn told(ns: f64) -> String {
+pub(crate) fn with_unit(ns: f64) -> String {
     let (value, unit) = match ns {
         0.0 => return "0".to_owned(),
         ..1e3 => (ns, "ns"),

@@ -1,6 +1,6 @@
 //! Runs of the experiment, and all of them together.
 //!
-//! *Purpose.* [`Run`]: one way, one seed, all boards. [`Experiment`]: every run that was
+//! *Purpose.* [`Run`]: one method, one seed, all boards. [`Experiment`]: every run that was
 //! made, and how.
 //!
 //! *Design.* Plain data with the figures that files and report have in common.
@@ -73,7 +73,7 @@ pub enum Place {
     Qemu,
     /// On lines of this host.
     Lines,
-    /// On one line of this host that all of them hear.
+    /// All of them on one line of this host.
     OneLine,
 }
 
@@ -86,7 +86,7 @@ pub struct Experiment {
     pub rate_hz: u32,
     /// Where the boards are.
     pub place: Place,
-    /// What was asked for, in words, and its value: what the report tells of the run.
+    /// The conditions of the experiment in the report: name and value.
     pub conditions: Vec<(&'static str, String)>,
     /// The runs, method by method.
     pub runs: Vec<Run>,

@@ -1,4 +1,4 @@
-//! What many differences come to.
+//! Statistics of many differences.
 //!
 //! *Purpose.* A mean and percentiles of sizes, and the confidence interval of a mean
 //! over several seeds.
@@ -11,7 +11,7 @@
 
 use comparison::spread::quantile;
 
-/// Many sizes, in ns.
+/// Many sizes. [ns]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
     /// How many.
@@ -83,7 +83,7 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     (count > 0).then(|| sum / count as f64)
 }
 
-/// Student's t at 97.5 % for so many degrees of freedom: exact for one and two, then by
+/// Student's t at 97.5 % with `freedom` degrees of freedom: exact for one and two, then by
 /// Cornish and Fisher's expansion about the normal quantile (Abramowitz and Stegun,
 /// 26.7.5).
 fn student(freedom: usize) -> f64 {

@@ -23,18 +23,18 @@ fn record(name: &str, ahead_us: impl Fn(i64) -> i64) -> Record {
     let mut conversation = Conversation::new(name);
     for sequence in 0..SECONDS * 10 {
         let sent_ns = sequence * 100_000_000;
-        conversation.asked(sequence as u32, sent_ns, None);
-        let told_us = UTC_US + sent_ns / 1_000 + ahead_us(sequence);
+        conversation.handle_sent(sequence as u32, sent_ns, None);
+        let board_us = UTC_US + sent_ns / 1_000 + ahead_us(sequence);
         let target = Address {
             system: 255,
             component: 190,
         };
-        let what = Message::Ping {
-            time_usec: told_us.cast_unsigned(),
+        let message = Message::Ping {
+            time_usec: board_us.cast_unsigned(),
             seq: sequence as u32,
             target,
         };
-        conversation.heard(sent_ns + 5_000_000, &what);
+        conversation.handle_message(sent_ns + 5_000_000, &message);
     }
     let mut record = conversation.end(Some(&|sent_ns| UTC_US * 1_000 + sent_ns));
     let mut log = "sequence,board_time_ns\r\n".to_owned();

@@ -59,14 +59,14 @@ pub(crate) fn words(sent: &Transmission, baud: u32) -> Vec<Word> {
         let byte = (0..8).fold(0, |byte, bit| {
             byte | u8::from(high(start_ns + middle(bit + 1))) << bit
         });
-        let told_ns = start_ns.max(free_ns);
+        let reported_ns = start_ns.max(free_ns);
         words.push(Word {
-            start: sent.start.plus(told_ns),
+            start: sent.start.plus(reported_ns),
             byte,
             framing: !high(start_ns + middle(9)),
         });
         from_ns = start_ns + middle(9);
-        free_ns = told_ns + word_ns;
+        free_ns = reported_ns + word_ns;
     }
     words
 }
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_sender_is_heard_as_breaks() {
+    fn a_slow_sender_is_received_as_breaks() {
         // At 9600 a start bit is twelve bits of 115200 long: all low.
         let words = words(&sent(&[0xff], 9_600), 115_200);
         assert_eq!(words.len(), 1);
@@ -146,14 +146,14 @@ mod tests {
     }
 
     #[test]
-    fn a_fast_sender_is_heard_as_fewer_words() {
+    fn a_fast_sender_is_received_as_fewer_words() {
         let bytes = [0x55; 120];
         let words = words(&sent(&bytes, 115_200), 9_600);
         assert!((8..=12).contains(&words.len()), "{}", words.len());
     }
 
     #[test]
-    fn a_board_without_a_speed_hears_nothing() {
+    fn a_board_without_a_speed_receives_nothing() {
         assert!(words(&sent(&[1, 2, 3], 9_600), 0).is_empty());
     }
 

@@ -1,10 +1,10 @@
 //! A board at the end of a line.
 //!
-//! *Purpose.* Who it is, what it runs, whether its clock is set; and that it hears when
-//! a test begins and ends.
+//! *Purpose.* Who it is, what it runs, whether its clock is set; and the commands that a
+//! test begins and ends.
 //!
 //! *Design.* One question at a time, asked again until it is answered or [`PATIENCE`]
-//! is over. Everything that the board says meanwhile is taken note of.
+//! is over. The board's other messages are handled meanwhile.
 //!
 //! *Limits.* The first system that sends a HEARTBEAT on a line is the board.
 
@@ -29,26 +29,26 @@ const AGAIN: Duration = Duration::from_millis(500);
 pub struct Connected {
     /// Where it is.
     pub name: String,
-    /// What it is asked over, and what it answers on: one line, mostly.
-    asking: Link,
-    hearing: Link,
+    /// The line to it, and the line from it: one and the same, mostly.
+    outgoing: Link,
+    incoming: Link,
     client: Client,
     address: Option<Address>,
     clock: Option<Clock>,
 }
 
-/// What a board said of its clock last.
+/// The last message of a board about its clock.
 #[derive(Clone, Copy, Debug)]
 pub struct Clock {
     /// It is set.
     pub is_set: bool,
-    /// How long it had been up.
+    /// How long the board had been up.
     pub up: Duration,
-    /// When it said so.
-    pub told: Instant,
+    /// When the message came.
+    pub received: Instant,
 }
 
-/// What a board said of itself.
+/// What a board reports of itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Identity {
     /// Its address.
@@ -66,57 +66,58 @@ impl Connected {
     ///
     /// When the system has no more handles.
     pub fn new(name: String, line: Link) -> Result<Self> {
-        let asking = line.another()?;
-        Ok(Self::asked_over(asking, name, line))
+        let outgoing = line.another()?;
+        Ok(Self::with_lines(name, outgoing, line))
     }
 
-    /// The board that `name` names, which hears what is said on one line and answers on
-    /// another.
-    pub const fn asked_over(asking: Link, name: String, hearing: Link) -> Self {
+    /// The board that `name` names, which receives on one line and sends on another.
+    pub const fn with_lines(name: String, outgoing: Link, incoming: Link) -> Self {
         Self {
             name,
-            asking,
-            hearing,
+            outgoing,
+            incoming,
             client: Client::new(GROUND_STATION, Version::V2),
             address: None,
             clock: None,
         }
     }
 
-    /// Listens for a moment.
+    /// Receives for a moment.
     ///
     /// # Errors
     ///
     /// When the line is gone.
-    pub fn listen(&mut self) -> Result<Vec<Received>> {
+    pub fn receive(&mut self) -> Result<Vec<Received>> {
         let mut buffer = [0; 1_024];
-        let bytes = self.hearing.receive(&mut buffer)?;
+        let bytes = self.incoming.receive(&mut buffer)?;
         let stamp = Stamp(0);
         let stamped = bytes.iter().map(|&byte| StampedByte { stamp, byte });
-        let mut heard: Vec<Received> = stamped.filter_map(|byte| self.client.push(byte)).collect();
-        let is_heartbeat = |heard: &&Received| heard.message == Message::Heartbeat;
+        let mut messages: Vec<Received> =
+            stamped.filter_map(|byte| self.client.push(byte)).collect();
+        let is_heartbeat = |received: &&Received| received.message == Message::Heartbeat;
         if self.address.is_none() {
-            self.address = heard.iter().find(is_heartbeat).map(|heard| heard.from);
+            let heartbeat = messages.iter().find(is_heartbeat);
+            self.address = heartbeat.map(|received| received.from);
         }
-        // Somebody else on a radio's line is no board.
-        heard.retain(|heard| self.address.is_none_or(|address| heard.from == address));
-        for heard in &heard {
+        // Another system on a radio's line is no board.
+        messages.retain(|one| self.address.is_none_or(|address| one.from == address));
+        for received in &messages {
             if let Message::SystemTime {
                 time_unix_usec,
                 time_boot_ms,
-            } = heard.message
+            } = received.message
             {
                 self.clock = Some(Clock {
                     is_set: time_unix_usec > 0,
                     up: Duration::from_millis(time_boot_ms.into()),
-                    told: Instant::now(),
+                    received: Instant::now(),
                 });
             }
         }
-        Ok(heard)
+        Ok(messages)
     }
 
-    /// What it said of its clock last.
+    /// Its last message about its clock.
     pub const fn clock(&self) -> Option<Clock> {
         self.clock
     }
@@ -150,7 +151,7 @@ impl Connected {
             if let Some(address) = self.address {
                 return Ok(address);
             }
-            self.listen()?;
+            self.receive()?;
         }
         ctrl_c::check()?;
         bail!(
@@ -164,7 +165,7 @@ impl Connected {
     fn parameter(&mut self, address: Address, parameter: Parameter) -> Result<f32> {
         let answer = self.ask(
             |client| client.parameter(address, parameter),
-            |what| match what {
+            |message| match message {
                 Message::Parameter { name, value, .. }
                     if Parameter::named(*name) == Some(parameter) =>
                 {
@@ -176,7 +177,7 @@ impl Connected {
         let Some(value) = answer else {
             ctrl_c::check()?;
             bail!(
-                "{} is system {} but does not tell its parameter {}: it is no pixclock, or an \
+                "{} is system {} but does not answer with its parameter {}: it is no pixclock, or an \
                  old one; flash it anew",
                 self.name,
                 address.system,
@@ -186,15 +187,15 @@ impl Connected {
         Ok(value)
     }
 
-    /// Tells it that a test begins or ends; whether it said that it had understood.
+    /// Sends it that a test begins or ends; whether it acknowledged that.
     ///
     /// # Errors
     ///
     /// When the line is gone.
-    pub fn tell(&mut self, address: Address, test: Test) -> Result<bool> {
+    pub fn send_test(&mut self, address: Address, test: Test) -> Result<bool> {
         let answer = self.ask(
             |client| client.test(address, test),
-            |what| match what {
+            |message| match message {
                 Message::CommandAck { result, .. } => Some(*result),
                 _ => None,
             },
@@ -210,11 +211,11 @@ impl Connected {
     ) -> Result<Option<T>> {
         let began = Instant::now();
         loop {
-            self.asking.send(&question(&mut self.client))?;
+            self.outgoing.send(&question(&mut self.client))?;
             let asked = Instant::now();
             while asked.elapsed() < AGAIN {
-                let heard = self.listen()?;
-                if let Some(answer) = heard.iter().find_map(|heard| answer(&heard.message)) {
+                let messages = self.receive()?;
+                if let Some(answer) = messages.iter().find_map(|one| answer(&one.message)) {
                     return Ok(Some(answer));
                 }
             }
@@ -228,12 +229,12 @@ impl Connected {
     ///
     /// # Errors
     ///
-    /// When it does not give it, its line is gone, or Ctrl-C is heard.
+    /// When it does not give it, its line is gone, or at Ctrl-C.
     pub fn own_log(&mut self, address: Address) -> Result<OwnLog> {
         let missed = self.parameter(address, Parameter::LogMissed)? as u32;
         let listed = self.ask(
             |client| client.logs(address),
-            |what| match what {
+            |message| match message {
                 Message::LogEntry { size, .. } => Some(*size as usize),
                 _ => None,
             },
@@ -249,12 +250,12 @@ impl Connected {
             }
             let rest = (size - file.len()) as u32;
             let request = self.client.log_data(address, file.len() as u32, rest);
-            self.asking.send(&request)?;
+            self.outgoing.send(&request)?;
             // One piece follows the other, until one is lost on the way.
             let mut flowed = Instant::now();
             while file.len() < size && flowed.elapsed() < AGAIN && !ctrl_c::is_pressed() {
-                for heard in self.listen()? {
-                    if let Some(next) = piece(&heard.message, file.len()) {
+                for received in self.receive()? {
+                    if let Some(next) = piece(&received.message, file.len()) {
                         file.extend(next);
                         (came, flowed) = (Instant::now(), Instant::now());
                     }
@@ -264,28 +265,28 @@ impl Connected {
         OwnLog::read(file, missed)
     }
 
-    /// The line that it is asked over, once more.
+    /// Another handle of the line to it.
     ///
     /// # Errors
     ///
     /// When the system has no more handles.
-    pub fn asking(&self) -> Result<Link> {
-        self.asking.another()
+    pub fn outgoing(&self) -> Result<Link> {
+        self.outgoing.another()
     }
 
-    /// The line that it answers on, once more.
+    /// Another handle of the line from it.
     ///
     /// # Errors
     ///
     /// When the system has no more handles.
-    pub fn hearing(&self) -> Result<Link> {
-        self.hearing.another()
+    pub fn incoming(&self) -> Result<Link> {
+        self.incoming.another()
     }
 }
 
-/// The bytes of a log that begin at `offset`, if that is what was said.
-fn piece(what: &Message, offset: usize) -> Option<Vec<u8>> {
-    match what {
+/// The bytes of a log that begin at `offset`, if the message has them.
+fn piece(message: &Message, offset: usize) -> Option<Vec<u8>> {
+    match message {
         Message::LogData {
             offset: at,
             data,

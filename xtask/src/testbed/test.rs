@@ -1,6 +1,7 @@
 //! A test on boards at the end of a line.
 //!
-//! *Purpose.* All boards are made ready, asked at the same moments, and heard.
+//! *Purpose.* All boards are made ready and get PINGs at the same moments; their answers are
+//! received.
 //!
 //! *Design.* Each board has two threads: one sends each PING at its moment and notes
 //! when it really left, the other notes when an answer came. So a slow answer delays no
@@ -9,11 +10,11 @@
 //! the boards' own logs are read.
 //!
 //! *Limits.* Moments are this host's, with its scheduling: how late each PING left and
-//! how long each answer took is measured and told. A serial line's own method (an adapter
+//! how long each answer took is measured and reported. A serial line's own delay (an adapter
 //! that collects bytes for a millisecond) is in the round trip.
 
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -28,7 +29,7 @@ use super::board::{Clock, Connected, Identity, PATIENCE};
 use crate::ctrl_c;
 use crate::link::Link;
 
-/// From the last word to the boards to the first PING.
+/// From the last command to the first PING.
 const LEAD: Duration = Duration::from_millis(300);
 /// How long answers are waited for after the last PING.
 const AFTERWARDS: Duration = Duration::from_secs(1);
@@ -36,7 +37,7 @@ const AFTERWARDS: Duration = Duration::from_secs(1);
 const GRACE: Duration = Duration::from_secs(5);
 /// How often the bar and the boards are looked at.
 const LOOK: Duration = Duration::from_millis(100);
-/// The longest sleep before a PING: Ctrl-C is obeyed in between.
+/// The longest sleep before a PING: Ctrl-C counts in between.
 const NAP: Duration = Duration::from_millis(200);
 
 /// A board that is ready for a test.
@@ -46,10 +47,10 @@ pub struct Ready {
 }
 
 impl Ready {
-    /// Tells it that the test has ended, and reads its own log.
+    /// Sends it that the test has ended, and reads its own log.
     fn end(&mut self) -> Result<OwnLog> {
         let Self { board, identity } = self;
-        if !board.tell(identity.address, Test::Ends)? {
+        if !board.send_test(identity.address, Test::Ends)? {
             bail!("it did not confirm that the test has ended");
         }
         board.own_log(identity.address)
@@ -85,7 +86,7 @@ pub fn prepare(options: &Options, boards: Vec<Connected>, bar: &ProgressBar) -> 
 }
 
 fn get_ready(mut board: Connected, settle: Duration, began: Instant) -> Result<Ready> {
-    // Whether it answers at all is said at once.
+    // That it answers at all is checked at once.
     board.identify()?;
     loop {
         let clock = board.clock();
@@ -95,13 +96,13 @@ fn get_ready(mut board: Connected, settle: Duration, began: Instant) -> Result<R
             return Ok(Ready { board, identity });
         }
         ctrl_c::check()?;
-        if clock.is_some_and(|clock| clock.told.elapsed() > PATIENCE) {
+        if clock.is_some_and(|clock| clock.received.elapsed() > PATIENCE) {
             bail!("{} fell silent while its clock settled", board.name);
         }
         if began.elapsed() > settle + GRACE {
             bail!("{}", why_not_ready(&board.name, clock, settle));
         }
-        board.listen()?;
+        board.receive()?;
     }
 }
 
@@ -166,7 +167,7 @@ pub fn method_of(ready: &[Ready]) -> Result<Method> {
     if let Some(method) = Method::ALL.into_iter().find(all_run) {
         return Ok(method);
     }
-    let told: Vec<String> = ready
+    let described: Vec<String> = ready
         .iter()
         .map(|ready| {
             let is = &ready.identity;
@@ -181,7 +182,7 @@ pub fn method_of(ready: &[Ready]) -> Result<Method> {
     bail!(
         "the boards do not run one method of the experiment: {}; flash them alike (for \
          paper-default-mixed, every board but the first at 38400)",
-        told.join("; ")
+        described.join("; ")
     )
 }
 
@@ -189,12 +190,12 @@ pub fn method_of(ready: &[Ready]) -> Result<Method> {
 ///
 /// # Errors
 ///
-/// When a board cannot be told that it begins, its line being gone.
+/// When a board cannot be sent that it begins, its line being gone.
 pub fn run(
     options: &Options,
     method: Method,
     seed: u64,
-    ready: Vec<Ready>,
+    mut ready: Vec<Ready>,
     bar: &ProgressBar,
 ) -> Result<Run> {
     let schedule = Schedule {
@@ -202,60 +203,15 @@ pub fn run(
         duration_s: options.duration,
         seed,
     };
-    let mut ready = ready;
-    for Ready { board, identity } in &mut ready {
-        if !board.tell(identity.address, Test::Begins)? {
-            eprintln!(
-                "{} did not confirm that a test begins: its own log may begin before it",
-                board.name
-            );
-        }
-    }
-    let lines = |line: fn(&Connected) -> Result<Link>| {
-        let lines = ready.iter().map(|ready| line(&ready.board));
-        lines.collect::<Result<Vec<Link>>>()
-    };
-    let (asking, hearing) = (lines(Connected::asking)?, lines(Connected::hearing)?);
-    let conversations: Vec<_> = ready
-        .iter()
-        .map(|ready| Mutex::new(Conversation::new(&ready.board.name)))
-        .collect();
-    // The boards that hear one and the same PING.
+    begin(&mut ready)?;
+    // The boards that receive one and the same PING.
     let together = if options.one_line { ready.len() } else { 1 };
-    let is_over = AtomicBool::new(false);
     let began = Instant::now() + LEAD;
-    let at_start = bar.position();
-    thread::scope(|scope| {
-        let is_over = &is_over;
-        let asking = asking.into_iter().step_by(together);
-        for (line, asked) in asking.zip(conversations.chunks(together)) {
-            scope.spawn(move || ask(schedule, line, asked, began, is_over));
-        }
-        for ((line, ready), conversation) in hearing.into_iter().zip(&ready).zip(&conversations) {
-            let board = ready.identity.address;
-            scope.spawn(move || hear(line, board, conversation, began, is_over));
-        }
-        watch(schedule, &conversations, began, &|passed_s| {
-            bar.set_position(at_start + passed_s);
-        });
-        is_over.store(true, Ordering::Relaxed);
-    });
+    let conversations = converse(schedule, &ready, together, began, bar)?;
     let lasted_s = began.elapsed().as_secs().min(schedule.duration_s.into()) as u32;
     bar.set_message("reading the boards' logs");
     let logs = end(&mut ready, &conversations, since(began));
-    let records = conversations
-        .into_iter()
-        .zip(logs)
-        .map(|(conversation, log)| {
-            let conversation = conversation.into_inner();
-            let conversation = conversation.unwrap_or_else(std::sync::PoisonError::into_inner);
-            let mut record = conversation.end(None);
-            if let Some(log) = log {
-                record.take_log(log);
-            }
-            record
-        });
-    let mut records: Vec<Record> = records.collect();
+    let mut records = records(conversations, logs);
     // A PING on one line is late for all of them alike.
     let judged = records.iter_mut().filter(|_| !options.one_line);
     let late_ns = judged.map(|record| discard_late(record).unwrap_or(0));
@@ -269,7 +225,73 @@ pub fn run(
     })
 }
 
-/// Tells the boards that the test has ended, and reads their own logs. None of a board
+/// Sends the boards that a test begins.
+fn begin(ready: &mut [Ready]) -> Result<()> {
+    for Ready { board, identity } in ready {
+        if !board.send_test(identity.address, Test::Begins)? {
+            eprintln!(
+                "{} did not confirm that a test begins: its own log may begin before it",
+                board.name
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Sends PINGs and receives answers until the test is over; each PING goes to `together` boards.
+fn converse(
+    schedule: Schedule,
+    ready: &[Ready],
+    together: usize,
+    began: Instant,
+    bar: &ProgressBar,
+) -> Result<Vec<Mutex<Conversation>>> {
+    let lines = |line: fn(&Connected) -> Result<Link>| {
+        let lines = ready.iter().map(|ready| line(&ready.board));
+        lines.collect::<Result<Vec<Link>>>()
+    };
+    let (outgoing, incoming) = (lines(Connected::outgoing)?, lines(Connected::incoming)?);
+    let new = |ready: &Ready| Mutex::new(Conversation::new(&ready.board.name));
+    let conversations: Vec<_> = ready.iter().map(new).collect();
+    let is_over = AtomicBool::new(false);
+    let at_start = bar.position();
+    thread::scope(|scope| {
+        let is_over = &is_over;
+        let outgoing = outgoing.into_iter().step_by(together);
+        for (line, receivers) in outgoing.zip(conversations.chunks(together)) {
+            scope.spawn(move || send_pings(schedule, line, receivers, began, is_over));
+        }
+        for ((line, ready), conversation) in incoming.into_iter().zip(ready).zip(&conversations) {
+            let board = ready.identity.address;
+            scope.spawn(move || receive(line, board, conversation, began, is_over));
+        }
+        watch(schedule, &conversations, began, &|passed_s| {
+            bar.set_position(at_start + passed_s);
+        });
+        is_over.store(true, Ordering::Relaxed);
+    });
+    Ok(conversations)
+}
+
+/// The boards' records, each with its log where there is one.
+fn records(
+    conversations: Vec<Mutex<Conversation>>,
+    logs: Vec<Option<Result<OwnLog>>>,
+) -> Vec<Record> {
+    let pairs = conversations.into_iter().zip(logs);
+    let records = pairs.map(|(conversation, log)| {
+        let conversation = conversation.into_inner();
+        let conversation = conversation.unwrap_or_else(PoisonError::into_inner);
+        let mut record = conversation.end(None);
+        if let Some(log) = log {
+            record.take_log(log);
+        }
+        record
+    });
+    records.collect()
+}
+
+/// Sends the boards that the test has ended, and reads their own logs. None of a board
 /// that is gone or has lost its log to a reboot, and none that Ctrl-C cut off.
 fn end(
     ready: &mut [Ready],
@@ -317,7 +339,7 @@ fn watch(
 }
 
 /// Sends each PING at its moment to the boards of these conversations.
-fn ask(
+fn send_pings(
     schedule: Schedule,
     mut link: Link,
     conversations: &[Mutex<Conversation>],
@@ -337,23 +359,23 @@ fn ask(
             thread::sleep(left.min(NAP));
         }
         let ping = client.ping(at / 1_000, sequence);
-        // Noted before it leaves, so that no answer comes to nothing.
+        // Handled before it leaves, so that an answer finds it.
         let sent_ns = since(began);
         let delay_ns = sent_ns - at.cast_signed();
-        let each = |note: &dyn Fn(&mut Conversation)| {
+        let each = |handle: &dyn Fn(&mut Conversation)| {
             let locked = conversations.iter().filter_map(|one| one.lock().ok());
-            locked.for_each(|mut conversation| note(&mut conversation));
+            locked.for_each(|mut conversation| handle(&mut conversation));
         };
-        each(&|conversation| conversation.asked(sequence, sent_ns, Some(delay_ns)));
+        each(&|conversation| conversation.handle_sent(sequence, sent_ns, Some(delay_ns)));
         if link.send(&ping).is_err() {
-            each(&|conversation| conversation.line_is_gone(since(began)));
+            each(&|conversation| conversation.handle_line_lost(since(began)));
             return;
         }
     }
 }
 
-/// Notes what the board says.
-fn hear(
+/// Passes the board's messages to its conversation.
+fn receive(
     mut link: Link,
     board: Address,
     conversation: &Mutex<Conversation>,
@@ -363,27 +385,27 @@ fn hear(
     let mut client = Client::new(GROUND_STATION, Version::V2);
     let mut buffer = [0; 1_024];
     while !is_over.load(Ordering::Relaxed) {
-        let received = link.receive(&mut buffer);
+        let bytes = link.receive(&mut buffer);
         let now_ns = since(began);
         let Ok(mut conversation) = conversation.lock() else {
             return;
         };
-        let Ok(bytes) = received else {
-            conversation.line_is_gone(now_ns);
+        let Ok(bytes) = bytes else {
+            conversation.handle_line_lost(now_ns);
             return;
         };
         let stamp = Stamp(0);
         for &byte in bytes {
-            if let Some(heard) = client.push(StampedByte { stamp, byte })
-                && heard.from == board
+            if let Some(received) = client.push(StampedByte { stamp, byte })
+                && received.from == board
             {
-                conversation.heard(now_ns, &heard.message);
+                conversation.handle_message(now_ns, &received.message);
             }
         }
     }
 }
 
-/// From `began` to now, in ns; negative before it.
+/// From `began` to now; negative before it. [ns]
 fn since(began: Instant) -> i64 {
     let now = Instant::now();
     let after = now.saturating_duration_since(began).as_nanos() as i64;

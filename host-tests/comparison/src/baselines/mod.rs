@@ -1,7 +1,7 @@
 //! Baselines: other projects' published filters, on the same arrivals as our clock.
 //!
 //! *Purpose.* The figures to compare with: each filter takes the arrival and the epoch of a
-//! message, and says what time it would publish.
+//! message, and gives the time that it would publish.
 //!
 //! *Design.* One file a filter, after the source that it names; the constants are theirs, the lines
 //! are ours. They count in a board's nominal time: its counter, divided by its nominal rate.

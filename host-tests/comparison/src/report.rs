@@ -13,15 +13,42 @@ use std::fmt::Write as _;
 use serde_json::{Value, json};
 
 use crate::bounds::{Quantity, Verdict, judge};
-use crate::case::{SECOND, SETTLED_S, Temperature, Unit};
+use crate::case::{Floor, SECOND, SETTLED_S, Temperature, Unit};
 use crate::figures::{Figures, Row};
+use crate::spread::Spread;
 
 /// A case as text: a heading, a line a candidate, a line a bound.
 #[must_use]
 pub fn text(figures: &Figures) -> String {
+    let unit = figures.case.unit;
+    let mut out = heading(figures);
+    for row in &figures.rows {
+        line(&mut out, format_args!("{}", candidate(row, unit)));
+    }
+    if figures.case.floor != Floor::Still {
+        let spread = sizes("floors", &figures.floors, unit);
+        line(&mut out, format_args!("{spread}"));
+    }
+    line(&mut out, format_args!("{}", own(figures)));
+    let ours = figures.ours();
+    let trial = |(seed, kind): (u64, Temperature)| format!("seed {seed} {}", kind.name());
+    let (worst, largest) = (trial(ours.worst), trial(ours.largest));
+    line(
+        &mut out,
+        format_args!("ours: worst mean {worst}; largest {largest}"),
+    );
+    for verdict in judge(figures) {
+        line(&mut out, format_args!("{}", described(&verdict, unit)));
+    }
+    if let Some(violation) = &figures.first_violation {
+        line(&mut out, format_args!("the first violation: {violation}"));
+    }
+    out
+}
+
+/// Title, trials and the head of the table.
+fn heading(figures: &Figures) -> String {
     let case = figures.case;
-    let unit = case.unit;
-    let mut out = String::new();
     let window = &case.window_s;
     let when = if case.one_moment {
         format!("at {} s", window.start)
@@ -29,35 +56,32 @@ pub fn text(figures: &Figures) -> String {
         format!("{} to {} s", window.start, window.end)
     };
     let (name, title, trials) = (case.name, case.title, figures.trials);
-    line(&mut out, format_args!("{name}: {title}"));
-    line(
-        &mut out,
-        format_args!("{trials} trials, {when}, in {}", unit.name()),
-    );
-    line(
-        &mut out,
-        format_args!(
-            "{:>11} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>9}",
-            "", "mean", "p50", "p95", "p99", "max", "worst", "converged"
-        ),
-    );
-    for row in &figures.rows {
-        line(&mut out, format_args!("{}", candidate(row, unit)));
-    }
-    if case.floor != crate::case::Floor::Still {
-        let floors = &figures.floors;
-        let (p50, p95, p99, max) = (floors.p50, floors.p95, floors.p99, floors.max);
-        let sizes = [p50, p95, p99, max].map(|ns| in_unit(f64::from(ns), unit));
-        let [p50, p95, p99, max] = sizes;
-        let mean = in_unit(floors.mean, unit);
-        line(
-            &mut out,
-            format_args!(
-                "{:>11} {mean:>8} {p50:>8} {p95:>8} {p99:>8} {max:>8}",
-                "floors"
-            ),
-        );
-    }
+    format!(
+        "{name}: {title}\n\
+         {trials} trials, {when}, in {}\n\
+         {:>11} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>9}\n",
+        case.unit.name(),
+        "",
+        "mean",
+        "p50",
+        "p95",
+        "p99",
+        "max",
+        "worst",
+        "converged"
+    )
+}
+
+/// A spread under the head of the table.
+fn sizes(name: &str, spread: &Spread, unit: Unit) -> String {
+    let mean = in_unit(spread.mean, unit);
+    let [p50, p95, p99, max] =
+        [spread.p50, spread.p95, spread.p99, spread.max].map(|ns| in_unit(f64::from(ns), unit));
+    format!("{name:>11} {mean:>8} {p50:>8} {p95:>8} {p99:>8} {max:>8}")
+}
+
+/// Uncertainty and rates of our clock.
+fn own(figures: &Figures) -> String {
     let mut own = format!(
         "uncertainty: holds {} %, is {} of the error",
         three(figures.coverage * 100.0),
@@ -73,21 +97,7 @@ pub fn text(figures: &Figures) -> String {
         let p99 = three(f64::from(rates.p99) / size);
         let _ = write!(own, "\nrate over a minute: mean {mean}, p99 {p99} {unit}");
     }
-    line(&mut out, format_args!("{own}"));
-    let ours = figures.ours();
-    let trial = |(seed, kind): (u64, Temperature)| format!("seed {seed} {}", kind.name());
-    let (worst, largest) = (trial(ours.worst), trial(ours.largest));
-    line(
-        &mut out,
-        format_args!("ours: worst mean {worst}; largest {largest}"),
-    );
-    for verdict in judge(figures) {
-        line(&mut out, format_args!("{}", described(&verdict, unit)));
-    }
-    if let Some(violation) = &figures.first_violation {
-        line(&mut out, format_args!("the first violation: {violation}"));
-    }
-    out
+    own
 }
 
 /// A case as JSON; times in ns.
@@ -134,10 +144,6 @@ fn line(out: &mut String, text: std::fmt::Arguments) {
 }
 
 fn candidate(row: &Row, unit: Unit) -> String {
-    let spread = &row.spread;
-    let [p50, p95, p99, max] =
-        [spread.p50, spread.p95, spread.p99, spread.max].map(|ns| in_unit(f64::from(ns), unit));
-    let mean = in_unit(spread.mean, unit);
     let worst = in_unit(row.worst_mean, unit);
     let converged_s = row.converged_p95().div_ceil(SECOND);
     let converged = if converged_s >= SETTLED_S {
@@ -145,10 +151,8 @@ fn candidate(row: &Row, unit: Unit) -> String {
     } else {
         format!("{converged_s} s")
     };
-    format!(
-        "{:>11} {mean:>8} {p50:>8} {p95:>8} {p99:>8} {max:>8} {worst:>8} {converged:>9}",
-        row.name
-    )
+    let spread = sizes(row.name, &row.spread, unit);
+    format!("{spread} {worst:>8} {converged:>9}")
 }
 
 /// A verdict in words.

@@ -127,23 +127,10 @@ impl Trace {
         Ok(Self { rows, lifted_days })
     }
 
-    /// Puts it through every clock.
+    /// Plays it on every clock.
     #[must_use]
     pub fn replay(&self) -> Replayed {
-        let (first, last) = (self.rows[0], self.rows[self.rows.len() - 1]);
-        // All that follows counts from the first row, so that it fits an f64.
-        let offset = |local: i64, utc: i64| (utc - first.utc) - (local - first.arrival);
-        let seconds = |local: i64| (local - first.arrival) as f64 * 1e-9;
-        let arrivals: Vec<(f64, f64)> = self
-            .rows
-            .iter()
-            .map(|row| (seconds(row.arrival), offset(row.arrival, row.utc) as f64))
-            .collect();
-        let smooth = Smooth::over(&arrivals);
-        let off = |local: i64, utc: i64| {
-            (offset(local, utc) as f64 - smooth.at(seconds(local))).round() as i64
-        };
-
+        let ahead = Ahead::of(&self.rows);
         // By its own time a board's crystal is right; how far off it was is not known.
         let mut board = Board::new(Settings::DEFAULT, 0.0);
         board.read_every_ns = None;
@@ -151,10 +138,10 @@ impl Trace {
         board.invariants.margin_ppb = f64::INFINITY;
         let mut baselines = baselines::all();
         let mut tracks = vec![Vec::new(); 1 + baselines.len()];
-        let mut at = Vec::new();
         let mut rows = self.rows.iter().peekable();
-        let mut now = first.arrival;
-        while now <= last.arrival {
+        let moments = self.rows[0].arrival..=self.rows[self.rows.len() - 1].arrival;
+        let at: Vec<i64> = moments.step_by(READ_EVERY_NS as usize).collect();
+        for &now in &at {
             while let Some(row) = rows.next_if(|row| row.arrival <= now) {
                 board.pass_until(row.arrival);
                 let arrival = board.cycles(row.arrival);
@@ -168,17 +155,13 @@ impl Trace {
             board.pass_until(now);
             let reading = board.read();
             let is_set = reading.state != ClockState::Unset;
-            tracks[0].push(is_set.then(|| off(now, reading.utc.0)));
+            tracks[0].push(is_set.then(|| ahead.ns(now, reading.utc.0)));
             for (baseline, track) in baselines.iter().zip(&mut tracks[1..]) {
-                track.push(baseline.utc_ns(now).map(|utc| off(now, utc)));
+                track.push(baseline.utc_ns(now).map(|utc| ahead.ns(now, utc)));
             }
-            at.push(now);
-            now += READ_EVERY_NS;
         }
-        let arrivals = self
-            .rows
-            .iter()
-            .map(|row| (row.arrival, off(row.arrival, row.utc)));
+        let arrivals = self.rows.iter();
+        let arrivals = arrivals.map(|row| (row.arrival, ahead.ns(row.arrival, row.utc)));
         Replayed {
             at,
             tracks: baselines::candidates()
@@ -189,6 +172,42 @@ impl Trace {
             counters: board.clock.counters(),
             violation: board.invariants.violations().1.map(str::to_owned),
         }
+    }
+}
+
+/// The best smooth line through a trace's arrivals. It counts from the first row, so that times
+/// fit an `f64`.
+struct Ahead {
+    first: Row,
+    smooth: Smooth,
+}
+
+impl Ahead {
+    fn of(rows: &[Row]) -> Self {
+        let mut ahead = Self {
+            first: rows[0],
+            smooth: Smooth::over(&[]),
+        };
+        let points = rows.iter().map(|row| {
+            let offset = ahead.offset(row.arrival, row.utc);
+            (ahead.seconds(row.arrival), offset as f64)
+        });
+        ahead.smooth = Smooth::over(&points.collect::<Vec<_>>());
+        ahead
+    }
+
+    const fn offset(&self, local: i64, utc: i64) -> i64 {
+        (utc - self.first.utc) - (local - self.first.arrival)
+    }
+
+    fn seconds(&self, local: i64) -> f64 {
+        (local - self.first.arrival) as f64 * 1e-9
+    }
+
+    /// How far `utc` at `local` of the board's time is ahead of the line. [ns]
+    fn ns(&self, local: i64, utc: i64) -> i64 {
+        let line = self.smooth.at(self.seconds(local));
+        (self.offset(local, utc) as f64 - line).round() as i64
     }
 }
 

@@ -173,6 +173,78 @@ impl Card {
         self.fault = self.faults.remove(&(transfer, *nth));
         *nth += 1;
     }
+
+    /// What it answers while it programs the block that it took last; none once that is over.
+    fn answer_busy(&mut self, index: u8, now: VirtualNanos) -> Option<Answer> {
+        if std::mem::take(&mut self.has_taken) {
+            self.busy_until = VirtualNanos(now.0 + self.busy_ns);
+        }
+        let is_busy = now < self.busy_until && index != command::GO_IDLE_STATE;
+        let error = match index {
+            command::SEND_STATUS => 0,
+            _ => ILLEGAL_COMMAND,
+        };
+        is_busy.then_some(Answer::Short(PROGRAMS | error))
+    }
+
+    /// What it answers in place of rigless's card; none where that one answers.
+    fn answer_first(&mut self, index: u8, argument: u32, now: VirtualNanos) -> Option<Answer> {
+        match index {
+            command::GO_IDLE_STATE => self.ready = VirtualNanos(now.0 + START_UP_NS),
+            command::SEND_IF_COND if self.is_first_version => return Some(Answer::None),
+            command::SEND_IF_COND => return Some(Answer::Short(argument & IF_COND)),
+            command::READ_SINGLE_BLOCK => self.begins(Transfer::Read),
+            command::WRITE_BLOCK if self.is_write_protected => {
+                return Some(Answer::Short(WP_VIOLATION));
+            }
+            command::WRITE_BLOCK => self.begins(Transfer::Write),
+            _ => {}
+        }
+        let is_damaged = self.fault == Some(Fault::AnswerDamaged);
+        is_damaged.then(|| {
+            self.fault = None;
+            Answer::Long([0; 4])
+        })
+    }
+
+    /// The argument of a command as rigless's card takes it, in blocks.
+    const fn argument(&self, index: u8, argument: u32) -> u32 {
+        match index {
+            command::READ_SINGLE_BLOCK | command::WRITE_BLOCK if self.is_first_version => {
+                argument / BLOCK as u32
+            }
+            _ => argument,
+        }
+    }
+
+    /// The answer of rigless's card with what this one has beside it.
+    fn completed(
+        &self,
+        index: u8,
+        is_application: bool,
+        now: VirtualNanos,
+        answer: Answer,
+    ) -> Answer {
+        match answer {
+            Answer::Short(mut conditions)
+                if is_application && index == command::SD_SEND_OP_COND =>
+            {
+                if now < self.ready {
+                    conditions &= !IS_READY;
+                } else if !self.is_first_version {
+                    conditions |= HIGH_CAPACITY;
+                }
+                Answer::Short(conditions)
+            }
+            Answer::Long(csd) if index == command::SEND_CSD => Answer::Long(self.described(csd)),
+            // 5.2: the serial number is in bits 24 to 55.
+            Answer::Long([first, second, third, last]) if index == command::ALL_SEND_CID => {
+                let (high, low) = (self.serial >> 8, self.serial << 24);
+                Answer::Long([first, second, third ^ high, last ^ low])
+            }
+            other => other,
+        }
+    }
 }
 
 impl fmt::Debug for Card {
@@ -196,63 +268,21 @@ impl sd::Card for Slot {
             return Answer::None;
         };
         let now = context.now();
-        if std::mem::take(&mut card.has_taken) {
-            card.busy_until = VirtualNanos(now.0 + card.busy_ns);
+        if let Some(answer) = card.answer_busy(index, now) {
+            card.is_application = index == command::APP_CMD;
+            return answer;
         }
         let is_application = std::mem::replace(&mut card.is_application, index == command::APP_CMD);
-        if now < card.busy_until && index != command::GO_IDLE_STATE {
-            let error = match index {
-                command::SEND_STATUS => 0,
-                _ => ILLEGAL_COMMAND,
-            };
-            return Answer::Short(PROGRAMS | error);
+        if let Some(answer) = card.answer_first(index, argument, now) {
+            return answer;
         }
-        match index {
-            command::GO_IDLE_STATE => card.ready = VirtualNanos(now.0 + START_UP_NS),
-            command::SEND_IF_COND if card.is_first_version => return Answer::None,
-            command::SEND_IF_COND => return Answer::Short(argument & IF_COND),
-            command::READ_SINGLE_BLOCK => card.begins(Transfer::Read),
-            command::WRITE_BLOCK if card.is_write_protected => return Answer::Short(WP_VIOLATION),
-            command::WRITE_BLOCK => card.begins(Transfer::Write),
-            _ => {}
+        if card.fault == Some(Fault::Pulled) {
+            self.0 = None;
+            return Answer::None;
         }
-        match card.fault {
-            Some(Fault::Pulled) => {
-                card.fault = None;
-                self.0 = None;
-                return Answer::None;
-            }
-            Some(Fault::AnswerDamaged) => {
-                card.fault = None;
-                return Answer::Long([0; 4]);
-            }
-            _ => {}
-        }
-        let argument = match index {
-            command::READ_SINGLE_BLOCK | command::WRITE_BLOCK if card.is_first_version => {
-                argument / BLOCK as u32
-            }
-            _ => argument,
-        };
+        let argument = card.argument(index, argument);
         let answer = card.card.command(index, argument, context);
-        match answer {
-            Answer::Short(conditions) if is_application && index == command::SD_SEND_OP_COND => {
-                let mut conditions = conditions;
-                if now < card.ready {
-                    conditions &= !IS_READY;
-                } else if !card.is_first_version {
-                    conditions |= HIGH_CAPACITY;
-                }
-                Answer::Short(conditions)
-            }
-            Answer::Long(csd) if index == command::SEND_CSD => Answer::Long(card.described(csd)),
-            // 5.2: the serial number is in bits 24 to 55.
-            Answer::Long([first, second, third, last]) if index == command::ALL_SEND_CID => {
-                let (high, low) = (card.serial >> 8, card.serial << 24);
-                Answer::Long([first, second, third ^ high, last ^ low])
-            }
-            other => other,
-        }
+        card.completed(index, is_application, now, answer)
     }
 
     fn read(&mut self, block: &mut [u8]) -> Outcome {

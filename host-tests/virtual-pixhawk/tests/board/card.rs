@@ -141,75 +141,58 @@ fn nothing_is_written_over() {
     assert_eq!(new[0].contents.len(), 41 * csv::LINE);
 }
 
-/// A card in the slot at the end of a test, and what the board reports of it in its log and on its line.
-struct Trouble {
-    card: Option<Card>,
-    logged: &'static str,
-    sent: &'static str,
-}
+/// A card in the slot at the end of a test, and how the board reports it: the reason in its log,
+/// and the text on its line.
+type Failure = (Option<Card>, &'static str, &'static str);
 
-fn troubles() -> Vec<Trouble> {
+fn failures() -> Vec<Failure> {
+    const NOT_FAT: (&str, &str) = ("NotFat", "format the card as FAT32");
+    const PULLED: (&str, &str) = ("Pulled", "the card was pulled");
+    const FAILED: (&str, &str) = ("Failed", "the card fails");
+    const PROTECTED: (&str, &str) = ("WriteProtected", "the card is write-protected");
     let good = fat_image::formatted(Kind::Fat16);
     let mut full = good.clone();
     let free = fat_image::free_bytes(&mut full);
     fat_image::put(&mut full, "most.bin", free - 3 * 1_024);
     let mut without_cluster_size = good.clone();
     without_cluster_size[2_048 * 512 + 13] = 0;
-    let trouble = |card, logged, sent| Trouble { card, logged, sent };
-    let pulled_at = |nth| Card::holding(&good).fault(Transfer::Write, nth, Fault::Pulled);
-    let mut broken = Card::holding(&good);
-    for nth in 4..7 {
-        broken = broken.fault(Transfer::Write, nth, Fault::Damaged);
-    }
-    vec![
-        trouble(None, "NoCard", "no card in the slot"),
-        trouble(
-            Some(Card::holding(&[0; 1 << 20])),
-            "NotFat",
-            "format the card as FAT32",
-        ),
-        trouble(
-            Some(Card::holding(&fat_image::formatted(Kind::Fat12))),
-            "NotFat",
-            "format the card as FAT32",
-        ),
-        trouble(
-            Some(Card::holding(&without_cluster_size)),
-            "NotFat",
-            "format the card as FAT32",
-        ),
-        trouble(
-            Some(Card::holding(&good).write_protected()),
-            "WriteProtected",
-            "the card is write-protected",
-        ),
-        trouble(Some(Card::holding(&full)), "Full", "the card is full"),
-        trouble(Some(pulled_at(0)), "Pulled", "the card was pulled"),
-        trouble(Some(pulled_at(7)), "Pulled", "the card was pulled"),
-        trouble(Some(broken), "Failed", "the card fails"),
-        trouble(
-            Some(Card::holding(&good).busy_for_ns(700 * MS)),
-            "Failed",
-            "the card fails",
-        ),
-    ]
+    let of = Card::holding;
+    let pulled_at = |nth| of(&good).fault(Transfer::Write, nth, Fault::Pulled);
+    let broken = (4..7).fold(of(&good), |card, nth| {
+        card.fault(Transfer::Write, nth, Fault::Damaged)
+    });
+    let cards = [
+        (of(&[0; 1 << 20]), NOT_FAT),
+        (of(&fat_image::formatted(Kind::Fat12)), NOT_FAT),
+        (of(&without_cluster_size), NOT_FAT),
+        (of(&good).write_protected(), PROTECTED),
+        (of(&full), ("Full", "the card is full")),
+        (pulled_at(0), PULLED),
+        (pulled_at(7), PULLED),
+        (broken, FAILED),
+        (of(&good).busy_for_ns(700 * MS), FAILED),
+    ];
+    let cards = cards.map(|(card, (reason, text))| (Some(card), reason, text));
+    let no_card = (None, "NoCard", "no card in the slot");
+    [no_card].into_iter().chain(cards).collect()
 }
 
 #[test]
-fn every_trouble_is_reported_by_its_kind_and_a_good_card_then_gets_all_of_it() {
+fn every_failure_is_reported_by_its_kind_and_a_good_card_then_gets_all_of_it() {
     let Some(firmware) = image() else { return };
-    for Trouble { card, logged, sent } in troubles() {
+    for (card, reason, text) in failures() {
         let again = [WorldNanos(10 * SECOND)];
         let mut board = after_a_test(&firmware, card, &again);
         board.run_to(WorldNanos(9 * SECOND + 500 * MS)).unwrap();
-        let expected = format!("the log is not saved: {logged}");
+        let expected = format!("the log is not saved: {reason}");
         assert_eq!(lines_about_the_card(&mut board), [expected]);
         let received = board.take_received(Connector::Telem1).unwrap();
         let answers = ping_answers(&received);
         assert_eq!(answers.len(), 40);
         let bytes: Vec<u8> = received.iter().map(|received| received.byte).collect();
-        let text = String::from_utf8_lossy(&bytes);
-        assert!(text.contains(&format!("log not saved: {sent}")), "{logged}");
+        let received = String::from_utf8_lossy(&bytes);
+        let text = format!("log not saved: {text}");
+        assert!(received.contains(&text), "{reason}");
         let good = Card::holding(&fat_image::formatted(Kind::Fat16));
         board.swap_card(Some(good)).unwrap();
         board.run_to(WorldNanos(12 * SECOND)).unwrap();

@@ -15,7 +15,7 @@ use utc_clock::{ClockState, Outcome, Ppb, Settings, Source, UtcClock};
 use world::{Latency, Ramp};
 
 const SEEDS: Range<u64> = 400..405;
-/// The silence begins. [s]
+/// The silence begins. \[s\]
 const LOST_S: i64 = 600;
 
 /// A run of an M8 that is silent for that long, until the silence begins.

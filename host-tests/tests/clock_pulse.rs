@@ -18,9 +18,9 @@ use world::{
 };
 
 const SEEDS: Range<u64> = 500..505;
-/// When the pulse begins. [s]
+/// When the pulse begins. \[s\]
 const FROM_S: i64 = 60;
-/// When it goes wrong. [s]
+/// When it goes wrong. \[s\]
 const WRONG_S: i64 = 300;
 const WRONG: WorldNanos = at_s(300);
 /// The largest difference of two boards under their pulses.
@@ -45,7 +45,7 @@ fn faulty(seed: u64, kind: PulseFaultKind, from: WorldNanos, until: WorldNanos) 
     scenario
 }
 
-/// The largest error against UTC from `from_s` on. [ns]
+/// The largest error against UTC from `from_s` on. \[ns\]
 fn worst_since(run: &Run, from_s: i64) -> i64 {
     worst_ns(run.utc_since(from_s * SECOND))
 }

@@ -14,7 +14,7 @@ use utc_clock::{Counters, Outcome, Refusal, UtcClock};
 use world::{Latency, Stall, TimeFault, WorldNanos};
 
 const SEEDS: Range<u64> = 300..305;
-/// When it happens. [s]
+/// When it happens. \[s\]
 const THEN_S: i64 = 600;
 const THEN: WorldNanos = at_s(600);
 /// The largest difference of two M8s.
@@ -44,7 +44,7 @@ fn steps(counters: &Counters) -> (u32, u32) {
     (counters.steps_forward, counters.steps_back)
 }
 
-/// The steps from `from_s` on. [ns]
+/// The steps from `from_s` on. \[ns\]
 fn stepped_by(run: &Run, from_s: i64) -> Vec<i64> {
     let since = run.marks.iter().filter(|(at, _)| *at >= from_s * SECOND);
     since
@@ -64,7 +64,7 @@ fn check_step(checks: &mut Checks, run: &Run, from_s: i64, expected_ns: i64, nea
     );
 }
 
-/// The largest change of the error since it went wrong. [ns]
+/// The largest change of the error since it went wrong. \[ns\]
 fn moved_ns(run: &Run, before_ns: i64) -> i64 {
     let since = run.since(THEN_S * SECOND);
     let moved = since.map(|sample| (sample.error_ns - before_ns).abs());

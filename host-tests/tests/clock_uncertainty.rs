@@ -30,7 +30,7 @@ struct Case {
     /// What happens beside messages with that latency.
     scenario: fn(Latency, u64) -> Scenario,
     ramps: &'static [Ramp],
-    /// Which samples count, by their time since the start. [s]
+    /// Which samples count, by their time since the start. \[s\]
     window_s: Range<i64>,
     /// Errors are against UTC, or else against floor time.
     is_utc: bool,

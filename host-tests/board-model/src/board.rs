@@ -14,7 +14,7 @@ use crate::invariants::{Checked, Invariants, OnViolation, Step};
 use crate::time::{FRAME_NS, MS, PULSE_TASK_NS, SECOND, START, TIMER_LATE, moment};
 use crate::{Sample, Scenario, good_mark};
 
-/// The readings of a run beat with no rate of marks or pulses. [ns]
+/// The readings of a run beat with no rate of marks or pulses. \[ns\]
 const READ_EVERY_NS: i64 = 37_000_100;
 
 /// A board, and true time.
@@ -201,7 +201,7 @@ impl Board {
         self.pass_until(self.now_ns + 2 * lead_ns);
     }
 
-    /// How much faster than the crystal a clock has to run to be right. [ppb]
+    /// How much faster than the crystal a clock has to run to be right. \[ppb\]
     fn right_ppb(&mut self) -> f64 {
         let fast = self.crystal.frequency_ppb_at(moment(self.now_ns)) * 1e-9;
         -fast / (1.0 + fast) * 1e9

@@ -15,9 +15,9 @@ use utc_clock::{ClockState, Reading, UtcClock, UtcNanos};
 use crate::time::SECOND;
 
 /// How much worse than the crystal's own error a frequency may be: an estimator of ±50 ppm needs
-/// that much to learn. [ppb]
+/// that much to learn. \[ppb\]
 const MARGIN_PPB: f64 = 100_000.0;
-/// The rounding of two readings. [ns]
+/// The rounding of two readings. \[ns\]
 const ROUNDING_NS: i128 = 2;
 
 /// What a violation does.
@@ -34,7 +34,7 @@ pub enum OnViolation {
 pub(crate) enum Step {
     /// No.
     None,
-    /// By that much, as reported. [ns]
+    /// By that much, as reported. \[ns\]
     By(i64),
     /// From being unset.
     Set,
@@ -44,7 +44,7 @@ pub(crate) enum Step {
 #[derive(Clone, Copy, Debug)]
 struct Course {
     at: Cycles,
-    /// How much faster than nominal cycles the clock runs from there, slews apart. [ppb]
+    /// How much faster than nominal cycles the clock runs from there, slews apart. \[ppb\]
     frequency_ppb: i32,
     step: Step,
 }
@@ -54,15 +54,15 @@ struct Course {
 pub(crate) struct Checked {
     /// The stamp of the reading.
     pub now: Cycles,
-    /// True time since the start. [ns]
+    /// True time since the start. \[ns\]
     pub at_ns: i64,
     /// The whole reading.
     pub reading: Reading,
     /// UTC of the same stamp, the short way.
     pub utc: UtcNanos,
-    /// The clock's frequency. [ppb]
+    /// The clock's frequency. \[ppb\]
     pub frequency_ppb: i32,
-    /// The frequency that compensates the crystal. [ppb]
+    /// The frequency that compensates the crystal. \[ppb\]
     pub right_ppb: f64,
 }
 

@@ -19,13 +19,13 @@ pub const BYTE_NS: i64 = 86_806;
 /// From the start of a NAV-PVT to its handling: 100 bytes at 115200 baud and the task's wake-up.
 /// \[ns\]
 pub const FRAME_NS: i64 = 8_700_000;
-/// The same of a TIM-TP, 24 bytes. [ns]
+/// The same of a TIM-TP, 24 bytes. \[ns\]
 pub(crate) const FORECAST_NS: i64 = 2_100_000;
-/// From the start of a TIM-TP to its pulse. [ns]
+/// From the start of a TIM-TP to its pulse. \[ns\]
 pub(crate) const FORECAST_AHEAD_NS: i64 = 500 * MS;
-/// From a pulse's edge to its handling: an interrupt and a task's wake-up. [ns]
+/// From a pulse's edge to its handling: an interrupt and a task's wake-up. \[ns\]
 pub(crate) const PULSE_TASK_NS: i64 = 20_000;
-/// How late the firmware's timers are: a tick and a wake-up. [cycles]
+/// How late the firmware's timers are: a tick and a wake-up. \[cycles\]
 pub(crate) const TIMER_LATE: u64 = 10_000;
 
 /// A moment of the world, `seconds` after its start.

@@ -114,7 +114,7 @@ impl Unit {
         }
     }
 
-    /// One of it. [ns]
+    /// One of it. \[ns\]
     #[must_use]
     pub const fn ns(self) -> f64 {
         match self {
@@ -153,17 +153,17 @@ pub struct Case {
     pub stored: bool,
     /// What is lost, and at which second.
     pub lost: Option<(Lost, u64)>,
-    /// When the difference counts, after the start. [s]
+    /// When the difference counts, after the start. \[s\]
     pub window_s: Range<u64>,
     /// Count one moment alone: the window's begin.
     pub one_moment: bool,
-    /// It has converged when the difference stays below this until [`SETTLED_S`]. [ns]
+    /// It has converged when the difference stays below this until [`SETTLED_S`]. \[ns\]
     pub converged_ns: u32,
     /// The unit of its figures.
     pub unit: Unit,
 }
 
-/// When convergence is over, after the start: the bounds hold from here on. [s]
+/// When convergence is over, after the start: the bounds hold from here on. \[s\]
 pub const SETTLED_S: u64 = 180;
 
 const ANY: &[Temperature] = &[

@@ -49,7 +49,7 @@ pub struct Figures {
     pub coverage_utc: f64,
     /// The mean uncertainty over the mean error.
     pub width: f64,
-    /// How far the rates of whole minutes were off. [10⁻¹²]
+    /// How far the rates of whole minutes were off. \[10⁻¹²\]
     pub rates: Option<Spread>,
     /// By how much the difference changed from a loss to the window. \[ns\]
     pub grown: Option<Spread>,

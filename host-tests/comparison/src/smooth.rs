@@ -15,7 +15,7 @@
 
 use crate::spread::quantile;
 
-/// Of each bin one arrival counts. [s]
+/// Of each bin one arrival counts. \[s\]
 pub const BIN_S: f64 = 10.0;
 /// Arrivals farther away than this do not count: longer than stalls and jitter, and
 /// shorter than what 1 ppm/min bends by more than a few ms.

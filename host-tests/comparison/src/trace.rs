@@ -25,12 +25,12 @@ use crate::spread::{Spread, quantile};
 /// 1970 that the message named. \[µs\]
 pub const HEADER: &str = "local_us,gps_utc_us";
 
-/// From reading to reading. [ns]
+/// From reading to reading. \[ns\]
 const READ_EVERY_NS: i64 = 100_000_000;
-/// The board's time of the first arrival. [ns]
+/// The board's time of the first arrival. \[ns\]
 const BEGIN_NS: i64 = 1_000_000_000;
 const DAY_NS: i64 = 86_400_000_000_000;
-/// An old trace is moved forward by ten years, as often as needed. [days]
+/// An old trace is moved forward by ten years, as often as needed. \[days\]
 const LIFT_DAYS: i64 = 3_653;
 
 /// What is wrong with a trace.
@@ -204,7 +204,7 @@ impl Ahead {
         (local - self.first.arrival) as f64 * 1e-9
     }
 
-    /// How far `utc` at `local` of the board's time is ahead of the line. [ns]
+    /// How far `utc` at `local` of the board's time is ahead of the line. \[ns\]
     fn ns(&self, local: i64, utc: i64) -> i64 {
         let line = self.smooth.at(self.seconds(local));
         (self.offset(local, utc) as f64 - line).round() as i64

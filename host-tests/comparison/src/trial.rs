@@ -23,18 +23,18 @@ use crate::baselines;
 use crate::case::{Case, Lost, Pulse, SETTLED_S, Temperature};
 
 /// How much worse than its crystal the clock's frequency may be: correlated jitter and wandering
-/// floors teach a wrong one at first. 209 ppm were seen, on crystals within ±50 ppm. [ppb]
+/// floors teach a wrong one at first. 209 ppm were seen, on crystals within ±50 ppm. \[ppb\]
 const MARGIN_PPB: f64 = 220_000.0;
-/// From reading to reading, on average. [ns]
+/// From reading to reading, on average. \[ns\]
 const READ_EVERY_NS: i64 = 100 * MS;
-/// Rates are taken over a minute. [readings]
+/// Rates are taken over a minute. \[readings\]
 const RATE_OVER: usize = 600;
-/// How far crystals are off, at most. [ppb]
+/// How far crystals are off, at most. \[ppb\]
 const CRYSTAL_PPB: f64 = 50_000.0;
-/// How far the TCXO of a receiver is off, at most. [ppb]
+/// How far the TCXO of a receiver is off, at most. \[ppb\]
 const RECEIVER_PPB: i32 = 1_000;
 /// How far a stored frequency is off, at most: a crystal's ageing in a year, or
-/// 10 °C where its curve is flat. [ppb]
+/// 10 °C where its curve is flat. \[ppb\]
 const STORED_UNCERTAINTY_PPB: i32 = 500;
 
 /// A candidate in a trial: the difference between its two boards.
@@ -59,7 +59,7 @@ pub struct Own {
     /// How many of the errors against UTC are within those and the uncertainty of an
     /// unknown latency together.
     pub covered_utc: u64,
-    /// How far the rate of each minute in the window was off. [10⁻¹²]
+    /// How far the rate of each minute in the window was off. \[10⁻¹²\]
     pub rates: Vec<u32>,
     /// By how much the difference changed from a loss to the window. \[ns\]
     pub grown: Option<u32>,
@@ -198,13 +198,13 @@ impl Chance {
 
 /// What a board's candidates published less UTC, at each moment.
 struct History {
-    /// Our clock's error and uncertainty, while it is set. [ns]
+    /// Our clock's error and uncertainty, while it is set. \[ns\]
     ours: Vec<Option<(i64, u32)>>,
-    /// Each baseline's error, while it is set. [ns]
+    /// Each baseline's error, while it is set. \[ns\]
     baselines: Vec<Vec<Option<i64>>>,
-    /// The floor of the receiver's latency. [ns]
+    /// The floor of the receiver's latency. \[ns\]
     floors: Vec<u64>,
-    /// The least floor, to the end of the first byte. [ns]
+    /// The least floor, to the end of the first byte. \[ns\]
     least: i64,
     violations: u32,
     first_violation: Option<String>,

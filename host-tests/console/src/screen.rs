@@ -19,7 +19,7 @@ use crate::row::{CAUTION, Columns, styled};
 use crate::sample::{Cell, Sizes, apart_ns};
 use crate::{Event, LogLine, Sample, Status};
 
-/// How long a row waits for a silent board. [s]
+/// How long a row waits for a silent board. \[s\]
 const PATIENCE: u64 = 2;
 
 /// What a screen shows.

@@ -7,7 +7,7 @@ use world::Latency;
 
 /// How many boards: two make a difference, and more than 16 share no machine.
 const BOARDS: std::ops::RangeInclusive<usize> = 2..=16;
-/// The largest error of a crystal. [ppm]
+/// The largest error of a crystal. \[ppm\]
 const MAX_CRYSTAL_PPM: f64 = 500.0;
 
 /// Which boards.
@@ -80,7 +80,7 @@ impl Receivers {
 /// The error of each board's crystal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Crystals {
-    /// Board by board. [ppb]
+    /// Board by board. \[ppb\]
     pub ppb: Vec<i32>,
     /// As they were written.
     text: String,

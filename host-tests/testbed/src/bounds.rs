@@ -11,14 +11,14 @@
 use crate::method::Method;
 use crate::run::{Experiment, Place, Run};
 
-/// pixclock's mean difference. [ns]
+/// pixclock's mean difference. \[ns\]
 const PIXCLOCK_NS: f64 = 300_000.0;
 /// How much better than the paper's best method pixclock is.
 const BETTER: f64 = 20.0;
-/// The same on the pulse, as seen through PINGs. [ns]
+/// The same on the pulse, as seen through PINGs. \[ns\]
 const PULSE_NS: f64 = 500.0;
 
-/// Up to this rate no answer may be missing. [PINGs a second]
+/// Up to this rate no answer may be missing. \[PINGs a second\]
 const EASY_HZ: u32 = 100;
 
 /// A bound and what was measured.

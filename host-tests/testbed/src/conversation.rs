@@ -17,11 +17,11 @@ use mavlink_node::client::{EARLIEST_UTC_US, Message};
 
 use crate::record::{Anomaly, Record, Sample, Verdict};
 
-/// How long a receiver has been lost at most when the board reports it. [ns]
+/// How long a receiver has been lost at most when the board reports it. \[ns\]
 const LOST_BEFORE_NS: i64 = 3_000_000_000;
 /// GPS_FIX_TYPE_NO_GPS.
 const NO_RECEIVER: u8 = 0;
-/// A board without a message for this long is silent: five of its HEARTBEATs. [ns]
+/// A board without a message for this long is silent: five of its HEARTBEATs. \[ns\]
 pub const SILENCE_NS: i64 = 5_000_000_000;
 
 /// A test on one board while it goes on.

@@ -184,7 +184,7 @@ fn differences(csv: &mut csv::Writer<Vec<u8>>, run: &Run) -> csv::Result<()> {
     Ok(())
 }
 
-/// The summary: what was asked for, and each method's figures. [ns]
+/// The summary: what was asked for, and each method's figures. \[ns\]
 #[must_use]
 pub fn summary(experiment: &Experiment) -> Value {
     let methods: Vec<Value> = experiment

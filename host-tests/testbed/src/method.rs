@@ -14,7 +14,7 @@ use std::str::FromStr;
 
 use variant::{Image, Variant};
 
-/// The baud rate of every board of the mixed method but the first: a Here+'s own. [Bd]
+/// The baud rate of every board of the mixed method but the first: a Here+'s own. \[Bd\]
 const SLOW_BAUD: u32 = 38_400;
 
 /// A method of keeping time.
@@ -26,7 +26,7 @@ pub enum Method {
     PaperDefaultMixed,
     /// The paper's step I: 115200 and a constant wait of 5 ms.
     PaperStep1,
-    /// The paper's step II: SysTick at priority 0 and this tick. [µs]
+    /// The paper's step II: SysTick at priority 0 and this tick. \[µs\]
     PaperStep2(u32),
     /// pixclock on the receiver's messages.
     Pixclock,

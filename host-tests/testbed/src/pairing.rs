@@ -20,7 +20,7 @@ use crate::record::{Record, Sample, Verdict};
 /// excess.
 const LATE: i64 = 4;
 /// A round trip this close to the least is never late: the time that a byte takes at 115200
-/// baud. [ns]
+/// baud. \[ns\]
 const NEVER_LATE_NS: i64 = 86_806;
 
 /// How far a board was from the first at one PING.
@@ -32,7 +32,7 @@ pub struct Difference {
     pub at_ns: i64,
     /// The board, counted from 0; never 0.
     pub board: usize,
-    /// Its time less the first's. [ns]
+    /// Its time less the first's. \[ns\]
     pub ns: i64,
 }
 
@@ -69,7 +69,7 @@ fn difference(board: usize, ours: &Sample, theirs: &Sample) -> Difference {
 }
 
 /// Marks the samples whose round trip was too long, and returns the limit; none without a
-/// sample. [ns]
+/// sample. \[ns\]
 pub fn discard_late(record: &mut Record) -> Option<i64> {
     let mut trips: Vec<i64> = record.good().map(|sample| sample.round_trip_ns).collect();
     trips.sort_unstable();

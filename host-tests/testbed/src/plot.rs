@@ -29,7 +29,7 @@ const CURVE: RGBColor = RGBColor(90, 90, 90);
 /// A level line across the figure.
 #[derive(Clone, Debug)]
 pub struct Level {
-    /// Where. [ns]
+    /// Where. \[ns\]
     pub ns: f64,
     /// What it is called.
     pub name: String,

@@ -24,7 +24,7 @@ pub struct Sample {
     pub board_ns: i64,
     /// That time is out of the board's own log; the answer had whole µs.
     pub is_from_log: bool,
-    /// From sending to the answer. [ns]
+    /// From sending to the answer. \[ns\]
     pub round_trip_ns: i64,
     /// The board's time less UTC, in ns, where UTC is known.
     pub error_ns: Option<i64>,
@@ -130,7 +130,7 @@ pub struct Record {
     /// What went wrong, in the order of time.
     pub anomalies: Vec<Anomaly>,
     /// How much later than planned each PING left; nothing where it leaves on
-    /// the dot. [ns]
+    /// the dot. \[ns\]
     pub send_delays_ns: Vec<i64>,
     /// The file of its own log.
     pub own_log: Option<Vec<u8>>,

@@ -21,7 +21,7 @@ const STREAM: u64 = 0x7069_6e67;
 pub struct Schedule {
     /// PINGs a second to each board.
     pub rate_hz: u32,
-    /// How long the test lasts. [s]
+    /// How long the test lasts. \[s\]
     pub duration_s: u32,
     /// Where its chance comes from.
     pub seed: u64,

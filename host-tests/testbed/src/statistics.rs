@@ -11,7 +11,7 @@
 
 use comparison::spread::quantile;
 
-/// Many sizes. [ns]
+/// Many sizes. \[ns\]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
     /// How many.

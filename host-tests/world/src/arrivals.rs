@@ -19,17 +19,17 @@ use crate::settings::ReceiverSettings;
 use crate::talker::{WorldNanos, line_ns};
 use crate::ubx;
 
-/// The tick on which solutions are computed. [ns]
+/// The tick on which solutions are computed. \[ns\]
 const SOLUTION_TICK_NS: i64 = 1_000_000;
 
 /// A solution that is on its way to the line.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Solution {
-    /// The epoch on the grid of UTC, since 1970. [ns]
+    /// The epoch on the grid of UTC, since 1970. \[ns\]
     pub wanted_utc_ns: i64,
-    /// The epoch that it claims to be computed for, since 1970. [ns]
+    /// The epoch that it claims to be computed for, since 1970. \[ns\]
     pub reported_utc_ns: i64,
-    /// By how much that is ahead of the truth. [ns]
+    /// By how much that is ahead of the truth. \[ns\]
     pub error_ns: i64,
     /// When it may begin to leave.
     pub ready: WorldNanos,
@@ -63,7 +63,7 @@ impl Solver {
         }
     }
 
-    /// The floor of the latency at `at`. [ns]
+    /// The floor of the latency at `at`. \[ns\]
     pub(crate) fn floor_ns(&mut self, at: WorldNanos) -> u64 {
         self.latency.floor_ns(at)
     }
@@ -204,7 +204,7 @@ mod tests {
         WorldNanos(seconds * SECOND)
     }
 
-    /// The true latency of an arrival. [ns]
+    /// The true latency of an arrival. \[ns\]
     fn latency_ns(arrival: &Arrival) -> i64 {
         NOON_NS + arrival.first_byte.0 as i64 - (arrival.epoch_utc_ns - arrival.error_ns)
     }

@@ -22,7 +22,7 @@ use crate::chance::{Stream, even, normal, stream};
 
 /// The frequency that the counter has by its data sheet. \[Hz\]
 pub const NOMINAL_HZ: u64 = 168_000_000;
-/// The grid on which the frequency changes. [ns]
+/// The grid on which the frequency changes. \[ns\]
 const STEP_NS: u64 = 100_000_000;
 const STEP_S: f64 = 0.1;
 /// How many steps can be looked back.
@@ -93,7 +93,7 @@ pub struct CrystalSettings {
     /// smaller by √τ. \[ppb\]
     pub white_ppb: f64,
     /// Random walk of the frequency: the standard deviation of what it does in a
-    /// second. [ppb/√s]
+    /// second. \[ppb/√s\]
     pub walk_ppb: f64,
     /// What the temperature does to it.
     pub ramp: Ramp,
@@ -131,7 +131,7 @@ impl CrystalSettings {
 struct Step {
     /// Cycles beyond the nominal ones at the step's begin.
     ahead_cycles: f64,
-    /// The frequency error throughout the step. [ppb]
+    /// The frequency error throughout the step. \[ppb\]
     ppb: f64,
 }
 
@@ -143,9 +143,9 @@ pub struct Crystal {
     steps: VecDeque<Step>,
     /// The number of the grid's step that stands first in `steps`.
     first_step: u64,
-    /// The random walk so far. [ppb]
+    /// The random walk so far. \[ppb\]
     walk_ppb: f64,
-    /// Where the temperature wants the frequency to be, and where it is. [ppb]
+    /// Where the temperature wants the frequency to be, and where it is. \[ppb\]
     warmth_ppb: f64,
     warmed_ppb: f64,
     /// The ramp's present direction and when it turns.
@@ -302,7 +302,7 @@ mod tests {
         path
     }
 
-    /// The overlapping Allan deviation at `tau` seconds of phases in ns. [ppb]
+    /// The overlapping Allan deviation at `tau` seconds of phases in ns. \[ppb\]
     fn allan_ppb(phase_ns: &[f64], tau: usize) -> f64 {
         let squares = phase_ns
             .windows(2 * tau + 1)

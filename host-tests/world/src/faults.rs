@@ -72,7 +72,7 @@ impl TimeFault {
         Self { until, ..self }
     }
 
-    /// By how much its time is ahead at `at`. [ns]
+    /// By how much its time is ahead at `at`. \[ns\]
     pub(crate) fn error_ns(&self, at: WorldNanos) -> i64 {
         if (self.from..self.until).contains(&at) {
             let since_ns = (at.0 - self.from.0).cast_signed();
@@ -83,12 +83,12 @@ impl TimeFault {
     }
 }
 
-/// What an error of `ppb` makes of `ns`. [ns]
+/// What an error of `ppb` makes of `ns`. \[ns\]
 pub(crate) fn drifted_ns(ns: i64, ppb: i32) -> i64 {
     (i128::from(ns) * i128::from(ppb) / 1_000_000_000) as i64
 }
 
-/// By how much a receiver with `faults` is ahead of UTC at `at`. [ns]
+/// By how much a receiver with `faults` is ahead of UTC at `at`. \[ns\]
 pub(crate) fn time_error_ns(faults: &[TimeFault], at: WorldNanos) -> i64 {
     let of_each = faults.iter().map(|fault| fault.error_ns(at));
     of_each.sum()

@@ -132,12 +132,12 @@ impl LatencySource {
         }
     }
 
-    /// The floor at `at`: the least that an epoch at that moment can take. [ns]
+    /// The floor at `at`: the least that an epoch at that moment can take. \[ns\]
     pub(crate) fn floor_ns(&mut self, at: WorldNanos) -> u64 {
         self.latency.least_ns + self.wanderer.above_least_ns(at) as u64
     }
 
-    /// What the epoch at `at` takes. [ns]
+    /// What the epoch at `at` takes. \[ns\]
     pub(crate) fn draw_ns(&mut self, at: WorldNanos) -> u64 {
         let share = if self.latency.memory_ns == 0 {
             even(&mut self.rng)
@@ -159,7 +159,7 @@ mod tests {
 
     const SECOND: u64 = 1_000_000_000;
 
-    /// The latencies of `count` epochs at 5 Hz. [ns]
+    /// The latencies of `count` epochs at 5 Hz. \[ns\]
     fn draws(latency: Latency, seed: u64, count: u64) -> Vec<f64> {
         let mut source = LatencySource::new(latency, seed);
         (0..count)

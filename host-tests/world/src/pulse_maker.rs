@@ -31,7 +31,7 @@ pub(crate) struct Made {
     pub utc_s: i64,
     /// When it rises; may lie before the world's start.
     pub edge_ns: i64,
-    /// The clock's part in its lateness. [ps]
+    /// The clock's part in its lateness. \[ps\]
     pub late_ps: i32,
 }
 
@@ -43,7 +43,7 @@ pub(crate) struct PulseMaker {
     time_faults: Vec<TimeFault>,
     next_s: i64,
     tick_ps: f64,
-    /// What the receiver's clock gains on UTC in a second. [ps]
+    /// What the receiver's clock gains on UTC in a second. \[ps\]
     gain_ps: f64,
     /// Where in a tick the second lies, from 0 to `tick_ps`.
     phase_ps: f64,
@@ -132,7 +132,7 @@ mod tests {
         }
     }
 
-    /// How late a true pulse is. [ns]
+    /// How late a true pulse is. \[ns\]
     fn late_ns(pulse: &Pulse) -> f64 {
         (NOON_NS + pulse.edge.0 as i64 - pulse.utc_s.unwrap() * NS_PER_S) as f64
     }

@@ -25,7 +25,7 @@ use crate::ubx::{self, Claims};
 /// From the last byte of a configuration frame to its answer, in ns: a receiver
 /// looks at its port between other things.
 const ANSWER_NS: u64 = 5_000_000;
-/// The largest configuration frame that is understood. [bytes]
+/// The largest configuration frame that is understood. \[bytes\]
 const RECEIVED_MAX: usize = 256;
 /// The shortest navigation period that is accepted, in ms (M8: 18 Hz).
 const PERIOD_MIN_MS: u16 = 55;

@@ -46,7 +46,7 @@ impl Port {
         nmea: false,
     };
 
-    /// From epoch to epoch. [ns]
+    /// From epoch to epoch. \[ns\]
     pub(crate) fn period_ns(&self) -> i64 {
         i64::from(self.period_ms.max(1)) * 1_000_000
     }

@@ -30,7 +30,7 @@ pub struct Transmission {
     pub start: WorldNanos,
     /// The bytes, in their order.
     pub bytes: Vec<u8>,
-    /// The speed of the line. [bits a second]
+    /// The speed of the line. \[bits a second\]
     pub baud: u32,
 }
 

@@ -14,9 +14,9 @@ const HEADER: usize = 6;
 const NS_PER_S: i64 = 1_000_000_000;
 const MS_PER_WEEK: i64 = 7 * 86_400_000;
 
-/// GPS is ahead of UTC by this since 2017. [s]
+/// GPS is ahead of UTC by this since 2017. \[s\]
 const GPS_MINUS_UTC_S: i64 = 18;
-/// 1980-01-06, where GPS begins, since 1970. [s]
+/// 1980-01-06, where GPS begins, since 1970. \[s\]
 const GPS_ORIGIN_S: i64 = 315_964_800;
 
 /// Class and id of NAV-PVT.

@@ -37,7 +37,7 @@ pub enum Wander {
     Walk {
         /// From wall to wall. \[ns\]
         peak_to_peak_ns: u64,
-        /// The standard deviation of what it does in a second. [ns/√s]
+        /// The standard deviation of what it does in a second. \[ns/√s\]
         ns_per_sqrt_s: u64,
     },
 }
@@ -67,7 +67,7 @@ impl Wander {
 pub(crate) struct Wanderer {
     wander: Wander,
     rng: Rng,
-    /// The walk at each point of the grid. [ns]
+    /// The walk at each point of the grid. \[ns\]
     path: Vec<f64>,
 }
 
@@ -83,7 +83,7 @@ impl Wanderer {
         Self { wander, rng, path }
     }
 
-    /// How far above the least it stands at `at`. [ns]
+    /// How far above the least it stands at `at`. \[ns\]
     pub(crate) fn above_least_ns(&mut self, at: WorldNanos) -> f64 {
         match self.wander {
             Wander::None => 0.0,

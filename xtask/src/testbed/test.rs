@@ -405,7 +405,7 @@ fn receive(
     }
 }
 
-/// From `began` to now; negative before it. [ns]
+/// From `began` to now; negative before it. \[ns\]
 fn since(began: Instant) -> i64 {
     let now = Instant::now();
     let after = now.saturating_duration_since(began).as_nanos() as i64;

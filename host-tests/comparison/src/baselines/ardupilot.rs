@@ -11,7 +11,7 @@
 
 use super::baseline::Baseline;
 
-/// `max_lag_ms`. [ns]
+/// `max_lag_ms`. \[ns\]
 const MAX_LAG_NS: i64 = 500_000_000;
 /// `convergence_loops`.
 const LOOPS: u16 = 100;
@@ -54,7 +54,7 @@ mod tests {
 
     const MS: i64 = 1_000_000;
 
-    /// What it publishes after messages with these lags, 200 ms apart. [ms]
+    /// What it publishes after messages with these lags, 200 ms apart. \[ms\]
     fn lag_after(lags_ms: impl IntoIterator<Item = i64>) -> i64 {
         let mut clock = ArduPilot::default();
         for (number, lag) in (0..).zip(lags_ms) {

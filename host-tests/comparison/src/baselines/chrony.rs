@@ -17,7 +17,7 @@ use std::collections::VecDeque;
 
 use super::baseline::Baseline;
 
-/// From poll to poll, `poll 4`. [s]
+/// From poll to poll, `poll 4`. \[s\]
 const POLL: f64 = 16.0;
 /// `filter 64`.
 const FILTER: usize = 64;
@@ -33,7 +33,7 @@ const LINE_MIN: usize = 3;
 const SHED_MIN: usize = 6;
 /// Sample variances are compared at 90 % (χ² of 36 degrees of freedom, over 36).
 const VARIANCE_RATIO: f64 = 1.31;
-/// Precision of the clock. [s]
+/// Precision of the clock. \[s\]
 const PRECISION: f64 = 1e-9;
 /// `maxupdateskew`: 1 000 ppm. A line whose slope is less sure changes no frequency.
 const SKEW_MAX: f64 = 1e-3;
@@ -41,7 +41,7 @@ const SKEW_MAX: f64 = 1e-3;
 const CORRECTION_RATIO: f64 = 3.0;
 /// `maxslewrate`: 83 333 ppm.
 const SLEW_MAX: f64 = 1.0 / 12.0;
-/// The shortest slew. [s]
+/// The shortest slew. \[s\]
 const SLEW_MIN_S: f64 = 1.0;
 
 /// A filtered sample: when (s of nominal time), UTC less nominal time (s), and
@@ -332,7 +332,7 @@ mod tests {
     const SECOND: i64 = 1_000_000_000;
 
     /// What it publishes less UTC after `seconds` at 5 Hz, on a board that runs 30 ppm fast, with
-    /// a latency that depends on the message's number. [ns]
+    /// a latency that depends on the message's number. \[ns\]
     fn error_after(seconds: i64, latency: impl Fn(i64) -> i64) -> Option<i64> {
         let mut clock = Chrony::default();
         let local = |utc: i64| 7 * SECOND + utc + utc * 3 / 100_000;

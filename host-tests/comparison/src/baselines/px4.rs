@@ -12,7 +12,7 @@ use super::baseline::Baseline;
 
 /// `kMaxClockDriftPpm`: the leak.
 const LEAK_PPM: i64 = 100;
-/// `kUtcDiscontinuityResetUs`. [ns]
+/// `kUtcDiscontinuityResetUs`. \[ns\]
 const RESET_NS: i64 = 100_000_000;
 
 /// The leaky maximum.

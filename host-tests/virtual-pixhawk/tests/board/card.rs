@@ -236,16 +236,16 @@ fn a_card_that_takes_the_place_of_another_in_mid_file_stays_as_it_was() {
     assert_is_the_log(&files[FIRST_FILE].contents, &answers);
 }
 
-/// From PING to PING in the runs with a full log. [ns]
+/// From PING to PING in the runs with a full log. \[ns\]
 const APART_NS: u64 = 3 * MS;
 /// Where PINGs lie in a ms, so that none meets a status line, which comes within the half ms about
-/// each whole second: its frame in the log masks interrupts for 40 µs. [ns]
+/// each whole second: its frame in the log masks interrupts for 40 µs. \[ns\]
 const BESIDE_STATUS_NS: u64 = 750_000;
 /// PINGs that fill the log.
 const FULL: u64 = 8_192;
 /// The end of the test.
 const END_OF_FULL: WorldNanos = WorldNanos(FIRST_PING.0 + FULL * APART_NS + APART_NS / 2);
-/// How long PINGs go on after that. [ns]
+/// How long PINGs go on after that. \[ns\]
 const PINGED_AFTER_NS: u64 = 6 * SECOND;
 
 /// What is to be seen of the clock in a run with a full log.

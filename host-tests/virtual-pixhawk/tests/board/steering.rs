@@ -14,7 +14,7 @@ use crate::common::{MS, SECOND, START_UTC_NS, image, receiver_settings};
 /// Two boards: the crystals of each.
 const CRYSTALS_PPB: [i32; 2] = [40_000, -25_000];
 
-/// What is read from outside is rounded to a cycle. [ns]
+/// What is read from outside is rounded to a cycle. \[ns\]
 const READING_NS: i64 = 6;
 
 /// How far a clock was from UTC.

@@ -6,9 +6,9 @@ use world::{Port, Receiver, ReceiverSettings, Talker, WorldNanos};
 
 /// The speed of both lines.
 pub const BAUD: u32 = 115_200;
-/// A millisecond. [ns]
+/// A millisecond. \[ns\]
 pub const MS: u64 = 1_000_000;
-/// A second. [ns]
+/// A second. \[ns\]
 pub const SECOND: u64 = 1_000 * MS;
 /// The address of the client, a ground station.
 pub const HOST: Address = Address {

@@ -18,19 +18,19 @@ use world::{Pulses, Receiver, ReceiverSettings};
 
 use crate::outgoing;
 
-/// A second. [ns]
+/// A second. \[ns\]
 const SECOND: u64 = 1_000_000_000;
 /// 2026-11-22T04:00:00Z: UTC when the first board may get power.
 const START_UTC_NS: i64 = 1_795_320_000 * 1_000_000_000;
-/// Boards get power within this time. [ns]
+/// Boards get power within this time. \[ns\]
 const POWER_WITHIN_NS: u64 = SECOND;
 /// From the start of a PING to the end of its first byte, ten bits at the board's own speed (42 MHz
-/// by 365, RM0090 30.3.4). [ns]
+/// by 365, RM0090 30.3.4). \[ns\]
 const FIRST_BYTE_NS: i64 = 86_905;
-/// How far the TCXO of a receiver is off, at most. [ppb]
+/// How far the TCXO of a receiver is off, at most. \[ppb\]
 const RECEIVER_PPB: i32 = 1_000;
 /// How long a board runs on after the last PING: for its last answers, its next status line, and
-/// until its card has a full log, which takes 1.4 s. [s]
+/// until its card has a full log, which takes 1.4 s. \[s\]
 pub const AFTERWARDS_S: u32 = 3;
 /// The name of the first log on an empty card.
 const LOG_FILE: &str = "TEST0001.CSV";
@@ -40,9 +40,9 @@ pub struct Prepared {
     builder: Builder,
     name: String,
     schedule: Schedule,
-    /// From the world's start to its power. [ns]
+    /// From the world's start to its power. \[ns\]
     power_ns: u64,
-    /// From the world's start to the test's. [ns]
+    /// From the world's start to the test's. \[ns\]
     test_ns: u64,
 }
 
@@ -50,7 +50,7 @@ pub struct Prepared {
 pub struct Finished {
     /// What the test measured.
     pub record: Record,
-    /// How long the test lasted. [s]
+    /// How long the test lasted. \[s\]
     pub lasted_s: u32,
 }
 
@@ -61,7 +61,7 @@ struct Running {
     client: Client,
     /// The PINGs to come, with their numbers.
     pings: Peekable<IntoIter<(u32, u64)>>,
-    /// From power to the test's start. [ns]
+    /// From power to the test's start. \[ns\]
     begins: u64,
     line_full: u32,
     log_missed: u32,

@@ -5,14 +5,14 @@ use mavlink_node::{Address, Frame, Parameter, Test, Version};
 use testbed::Schedule;
 use world::{Transmission, WorldNanos};
 
-/// A second. [ns]
+/// A second. \[ns\]
 const SECOND: u64 = 1_000_000_000;
 /// The speed of the laptop's line: off by less than a USB adapter's, and slower than the
 /// board's own 115 068, so that the emulated port, which takes ten of its own bit times for a
-/// word, is free when the next one begins. [Bd]
+/// word, is free when the next one begins. \[Bd\]
 const BAUD: u32 = 115_000;
 /// From the command that a test begins to the first PING, and from the last one to the command
-/// that it ends. [ns]
+/// that it ends. \[ns\]
 const ASIDE_NS: u64 = SECOND / 2;
 /// A board, as it is flashed.
 const BOARD: Address = Address {

@@ -6,14 +6,14 @@ Purpose. Other people's implementation at the other end of the line: does it
     parameters listed, and does the log of a test come over whole?
 Design. pymavlink takes its version from the environment when it is imported, so
     each version is a call of this script by itself. MAVLink 1 comes first: the
-    node speaks 2 unasked from the first frame of it that it hears. Requests follow
-    each other, so each time that is told must be later than the one before.
+    node broadcasts in 2 from the first frame of it that it receives. Requests follow
+    each other, so the time in each answer must be later than the one before.
 Limits. It needs a node that was started for it. Times are compared with each
     other and with how long this host waited, not with this host's UTC: the node may
-    be living on another day.
+    be on another day.
 
 Usage: ask.py ADDR [SECONDS]   ADDR as in tcp:127.0.0.1:5760; SECONDS to wait for the
-first HEARTBEAT, 120 by default. Exit 0: all well; 1: what failed is said; 2: usage.
+first HEARTBEAT, 120 by default. Exit 0: all well; 1: a check failed, which is printed; 2: usage.
 """
 
 import os
@@ -73,7 +73,7 @@ class Node:
         expect(heartbeat, "no HEARTBEAT")
         spoken = {0xFE: 1, 0xFD: 2}[heartbeat.get_msgbuf()[0]]
         # pymavlink goes over to MAVLink 2 by itself; then 1 cannot be tried.
-        expect(spoken <= self.version, "the node has heard MAVLink 2 before: start a new one")
+        expect(spoken <= self.version, "the node has received MAVLink 2 before: start a new one")
         return heartbeat
 
     @property
@@ -116,17 +116,17 @@ def check_heartbeat(node):
 
 
 def check_pings_and_timesyncs(node):
-    told = []
+    answers = []
     for seq in range(1, ROUNDS + 1):
         asked = time.monotonic()
         ping = node.ping(seq)
         expect(ping, f"PING {seq} not answered within {PATIENCE} s")
         target = (ping.target_system, ping.target_component)
         expect(target == node.us, f"PING {seq} answered to {target}, not to {node.us}")
-        told.append((ping.time_usec * 1_000, 1_000, asked, time.monotonic()))
+        answers.append((ping.time_usec * 1_000, 1_000, asked, time.monotonic()))
 
         asked = time.monotonic()
-        # Any 63 bits must come back; the lowest tell the rounds apart.
+        # Any 63 bits must come back; the lowest differ in each round.
         ts1 = (seq << 48) + time.monotonic_ns() % (1 << 48)
         sync = node.timesync(ts1)
         expect(sync, f"TIMESYNC {seq} not answered with its own ts1 within {PATIENCE} s")
@@ -134,10 +134,10 @@ def check_pings_and_timesyncs(node):
         if node.version == 2:
             target = timesync_target(sync)
             expect(target == node.us, f"TIMESYNC {seq} answered to {target}, not to {node.us}")
-        told.append((sync.tc1, 1, asked, time.monotonic()))
+        answers.append((sync.tc1, 1, asked, time.monotonic()))
         time.sleep(0.05)
 
-    for before, after in zip(told, told[1:]):
+    for before, after in zip(answers, answers[1:]):
         (earlier, _, asked_before, _), (later, unit, _, answered_after) = before, after
         is_utc = [ns >= EARLIEST_UTC_US * 1_000 for ns in (earlier, later)]
         if is_utc == [False, True]:
@@ -146,7 +146,7 @@ def check_pings_and_timesyncs(node):
         expect(later + unit > earlier, f"time went back: {earlier} ns, then {later} ns")
         passed, waited = (later - earlier) / 1e9, answered_after - asked_before
         expect(passed < waited + SLACK, f"{passed:.3f} s passed while {waited:.3f} s were waited")
-    return told[-1][0]
+    return answers[-1][0]
 
 
 def check_what_must_not_be_answered(node):
@@ -186,7 +186,7 @@ def check_parameters(node):
         count = value.param_count
     expect(values["PC_TICK_US"] in (50, 200, 500, 1000), f"a tick of {values['PC_TICK_US']} us")
     if node.version == 2:
-        # The node hears these two in MAVLink 2 only.
+        # The node takes these two in MAVLink 2 only.
         is_tick = lambda value: value.param_id == "PC_TICK_US"
         node.line.mav.param_request_read_send(system, 1, b"PC_TICK_US", -1)
         read = node.answer("PARAM_VALUE", is_tick)
@@ -217,16 +217,16 @@ def log_data(node, offset, count):
 
 
 def check_log(node):
-    """A test of some PINGs; its log is what they were told."""
+    """A test of some PINGs; its log has the times of the answers."""
     system = node.heartbeat.get_srcSystem()
     command_test(node, TEST_BEGINS, ACCEPTED)
-    told = []
+    answers = []
     for seq in range(100, 100 + 3 * ROUNDS):
         asked = int(time.time() * 1e6)
         node.line.mav.ping_send(asked, seq, 0, 0)
         ping = node.answer("PING", lambda answer: answer.seq == seq)
         expect(ping, f"PING {seq} not answered within {PATIENCE} s")
-        told.append((seq, asked, ping.time_usec))
+        answers.append((seq, asked, ping.time_usec))
     command_test(node, 2, DENIED)
     command_test(node, TEST_ENDS, ACCEPTED)
     node.line.mav.log_request_list_send(system, 1, 0, 0xFFFF)
@@ -238,19 +238,19 @@ def check_log(node):
     expect(columns[:3] == ["sequence", "ping_time_us", "board_time_ns"], f"columns {columns}")
     logged = [[int(field) for field in line.split(",")[:3]] for line in lines[1:]]
     logged = [(seq, asked, board_ns // 1_000) for seq, asked, board_ns in logged]
-    expect(logged == told, f"the log is not what was told: {logged} instead of {told}")
+    expect(logged == answers, f"the log has other times than the answers: {logged} instead of {answers}")
     again = log_data(node, 100, 333)
     expect(again == log[100:433], "a stretch of the log is not that of the whole")
     node.line.mav.log_request_end_send(system, 1)
     node.line.mav.log_erase_send(system, 1)
-    expect(node.answer("STATUSTEXT", lambda said: said.text == "log erased"), "not erased")
+    expect(node.answer("STATUSTEXT", lambda status: status.text == "log erased"), "not erased")
     return len(logged)
 
 
 def check_system_time(node):
-    told = node.answer("SYSTEM_TIME", lambda _: True)
-    expect(told, "no SYSTEM_TIME")
-    utc = told.time_unix_usec
+    message = node.answer("SYSTEM_TIME", lambda _: True)
+    expect(message, "no SYSTEM_TIME")
+    utc = message.time_unix_usec
     expect(utc == 0 or utc >= EARLIEST_UTC_US, f"SYSTEM_TIME of {utc} us is neither 0 nor UTC")
     return utc
 
@@ -265,7 +265,7 @@ def ask(address, version, wait):
     logged = check_log(node)
     utc = check_system_time(node)
     if last >= EARLIEST_UTC_US * 1_000:
-        expect(utc != 0, "PING and TIMESYNC tell UTC, SYSTEM_TIME does not")
+        expect(utc != 0, "PING and TIMESYNC have UTC, SYSTEM_TIME does not")
         state = time.strftime("UTC %Y-%m-%dT%H:%M:%SZ", time.gmtime(last / 1e9))
     else:
         state = f"clock not set, {last / 1e9:.1f} s since boot"

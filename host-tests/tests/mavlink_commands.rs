@@ -1,4 +1,4 @@
-//! The commands that a node obeys, and those that it refuses or ignores.
+//! The commands that a node accepts, and those that it refuses or ignores.
 //!
 //! *Design.* Requests are built without the crate or by its client; answers are compared with
 //! frames built without it, or understood by the client.

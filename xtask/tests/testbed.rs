@@ -1,5 +1,5 @@
 //! `cargo xtask testbed` as a person calls it, with boards at the end of a line: that it
-//! measures what is there, and what it says and keeps when something goes wrong.
+//! measures what is there, and what it prints and keeps when something goes wrong.
 
 use std::io::{Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
@@ -58,12 +58,12 @@ fn folder() -> (TempDir, std::path::PathBuf) {
     (folder, out)
 }
 
-fn told(output: &Output) -> String {
+fn output_of(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 fn summary(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", told(output)))
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", output_of(output)))
 }
 
 /// Samples of board `number` that nothing has spoiled; how many of them a busy host makes
@@ -86,7 +86,7 @@ fn lines(file: &Path) -> usize {
 fn it_measures_what_two_boards_are_apart_and_its_own_noise() {
     let (_kept, out) = folder();
     let output = testbed(&boards(&behaviours()), 4, &out, &["--method", "pixclock"]);
-    assert_eq!(output.status.code(), Some(0), "{}", told(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", output_of(&output));
     let summary = summary(&output);
     let method = &summary["methods"][0];
     assert_eq!(method["method"], "pixclock");
@@ -167,7 +167,7 @@ fn boards_on_one_line_receive_the_same_pings() {
     let (_kept, out) = folder();
     let (addresses, unreceived) = boards_on_one_line();
     let output = testbed(&addresses, 3, &out, &["--one-line"]);
-    assert_eq!(output.status.code(), Some(0), "{}", told(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", output_of(&output));
     assert_eq!(unreceived.load(Ordering::Relaxed), 0);
     let summary = summary(&output);
     let method = &summary["methods"][0];
@@ -189,13 +189,17 @@ fn boards_on_one_line_receive_the_same_pings() {
 }
 
 #[test]
-fn a_board_that_reboots_is_told_and_what_it_said_before_is_kept() {
+fn a_reboot_is_reported_and_the_samples_before_it_are_kept() {
     let (_kept, out) = folder();
     let mut behaviours = behaviours();
     behaviours[1].mishap = Some((Duration::from_secs(3), Mishap::Reboots));
     let output = testbed(&boards(&behaviours), 30, &out, &[]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(told(&output).contains("it rebooted "), "{}", told(&output));
+    assert!(
+        output_of(&output).contains("it rebooted "),
+        "{}",
+        output_of(&output)
+    );
     let summary = summary(&output);
     // Until then 50 a second, and no sample from after.
     assert!((100..=150).contains(&unspoiled(&out, 2)), "{summary:#}");
@@ -208,7 +212,7 @@ fn a_piece_of_a_log_that_is_lost_is_asked_for_again() {
     let mut behaviours = behaviours();
     behaviours[0].mishap = Some((Duration::ZERO, Mishap::LosesALogPiece));
     let output = testbed(&boards(&behaviours), 2, &out, &[]);
-    assert_eq!(output.status.code(), Some(0), "{}", told(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", output_of(&output));
     let summary = summary(&output);
     let boards = &summary["methods"][0]["runs"][0]["boards"];
     assert_eq!(boards[0]["in_own_log"], boards[0]["answered"]);
@@ -222,7 +226,7 @@ fn a_piece_of_a_log_that_is_lost_is_asked_for_again() {
 }
 
 #[test]
-fn a_log_that_is_not_to_be_had_is_told_and_its_answers_are_kept() {
+fn a_missing_log_is_reported_and_the_answers_are_kept() {
     let (_kept, out) = folder();
     let mut behaviours = behaviours();
     behaviours[1].mishap = Some((Duration::ZERO, Mishap::MissesTheEnd));
@@ -232,10 +236,10 @@ fn a_log_that_is_not_to_be_had_is_told_and_its_answers_are_kept() {
     std::fs::write(&stale, "old").expect("a file");
     let output = testbed(&boards(&behaviours), 2, &out, &[]);
     assert_eq!(output.status.code(), Some(1));
-    let told = told(&output);
+    let text = output_of(&output);
     assert!(
-        told.contains("did not confirm that the test has ended"),
-        "{told}"
+        text.contains("did not confirm that the test has ended"),
+        "{text}"
     );
     let summary = summary(&output);
     assert_eq!(
@@ -246,16 +250,16 @@ fn a_log_that_is_not_to_be_had_is_told_and_its_answers_are_kept() {
 }
 
 #[test]
-fn a_board_without_its_receiver_is_told_and_what_it_said_before_is_kept() {
+fn a_lost_receiver_is_reported_and_the_samples_before_it_are_kept() {
     let (_kept, out) = folder();
     let mut behaviours = behaviours();
     behaviours[0].mishap = Some((Duration::from_secs(6), Mishap::LosesReceiver));
     let output = testbed(&boards(&behaviours), 9, &out, &[]);
     assert_eq!(output.status.code(), Some(1));
     assert!(
-        told(&output).contains("it lost its receiver"),
+        output_of(&output).contains("it lost its receiver"),
         "{}",
-        told(&output)
+        output_of(&output)
     );
     let summary = summary(&output);
     assert!((100..=250).contains(&unspoiled(&out, 1)), "{summary:#}");
@@ -263,16 +267,16 @@ fn a_board_without_its_receiver_is_told_and_what_it_said_before_is_kept() {
 }
 
 #[test]
-fn a_board_that_falls_silent_is_told_and_what_it_said_before_is_kept() {
+fn silence_is_reported_and_the_samples_before_it_are_kept() {
     let (_kept, out) = folder();
     let mut behaviours = behaviours();
     behaviours[1].mishap = Some((Duration::from_secs(2), Mishap::FallsSilent));
     let output = testbed(&boards(&behaviours), 30, &out, &[]);
     assert_eq!(output.status.code(), Some(1));
     assert!(
-        told(&output).contains("it fell silent"),
+        output_of(&output).contains("it fell silent"),
         "{}",
-        told(&output)
+        output_of(&output)
     );
     let summary = summary(&output);
     assert!((50..=100).contains(&unspoiled(&out, 2)), "{summary:#}");
@@ -302,9 +306,9 @@ fn boards_that_cannot_be_tested_together_are_refused_in_a_sentence() {
     ] {
         let output = testbed(&boards(&[good, behaviour]), 1, &out, &[]);
         assert_eq!(output.status.code(), Some(1));
-        let told = told(&output);
-        assert!(told.contains(sentence), "{told}");
-        assert_eq!(told.lines().count(), 1, "{told}");
+        let text = output_of(&output);
+        assert!(text.contains(sentence), "{text}");
+        assert_eq!(text.lines().count(), 1, "{text}");
     }
     let output = testbed(
         &boards(&behaviours()),
@@ -313,11 +317,11 @@ fn boards_that_cannot_be_tested_together_are_refused_in_a_sentence() {
         &["--method", "paper-step1"],
     );
     assert_eq!(output.status.code(), Some(1));
-    assert!(told(&output).contains("these boards run pixclock, not paper-step1"));
+    assert!(output_of(&output).contains("these boards run pixclock, not paper-step1"));
 }
 
 #[test]
-fn nobody_at_an_address_is_said() {
+fn an_address_without_a_board_is_reported() {
     let (_kept, out) = folder();
     let deaf = TcpListener::bind("127.0.0.1:0").expect("a port");
     let mut addresses = boards(&behaviours()[..1]);
@@ -325,23 +329,23 @@ fn nobody_at_an_address_is_said() {
     let output = testbed(&addresses, 1, &out, &[]);
     assert_eq!(output.status.code(), Some(1));
     assert!(
-        told(&output).contains("no board answers at tcp:127"),
+        output_of(&output).contains("no board answers at tcp:127"),
         "{}",
-        told(&output)
+        output_of(&output)
     );
     addresses[1] = "serial:/dev/there-is-none".to_owned();
     let output = testbed(&addresses, 1, &out, &[]);
     assert!(
-        told(&output).contains("there is no /dev/there-is-none"),
+        output_of(&output).contains("there is no /dev/there-is-none"),
         "{}",
-        told(&output)
+        output_of(&output)
     );
     let output = testbed(&["tcp:here".to_owned(), addresses[0].clone()], 1, &out, &[]);
     assert_eq!(output.status.code(), Some(2));
     assert!(
-        told(&output).contains("allowed: tcp:HOST:PORT"),
+        output_of(&output).contains("allowed: tcp:HOST:PORT"),
         "{}",
-        told(&output)
+        output_of(&output)
     );
 }
 
@@ -362,9 +366,9 @@ fn a_port_that_somebody_else_holds_is_said() {
     let output = testbed(&addresses, 1, &out, &[]);
     assert_eq!(output.status.code(), Some(1));
     assert!(
-        told(&output).contains("if another program holds it"),
+        output_of(&output).contains("if another program holds it"),
         "{}",
-        told(&output)
+        output_of(&output)
     );
 }
 
@@ -378,12 +382,12 @@ fn a_full_disk_costs_no_sample() {
     std::os::unix::fs::symlink("/dev/full", folder.join("samples-1.csv")).expect("a link");
     let output = testbed(&boards(&behaviours()), 2, &out, &[]);
     assert_eq!(output.status.code(), Some(1));
-    let told = told(&output);
+    let text = output_of(&output);
     assert!(
-        told.contains("cannot write") && told.contains("samples-1.csv"),
-        "{told}"
+        text.contains("cannot write") && text.contains("samples-1.csv"),
+        "{text}"
     );
-    assert!(told.contains("everything was written to"), "{told}");
+    assert!(text.contains("everything was written to"), "{text}");
     assert_eq!(lines(&folder.join("samples-2.csv")), 101);
     let elsewhere = std::fs::read_dir(kept.path().join("elsewhere")).expect("a folder");
     let rescued = elsewhere.flatten().next().expect("a folder").path();
@@ -410,13 +414,17 @@ fn ctrl_c_keeps_what_was_measured() {
         .status();
     assert!(interrupt.expect("kill runs").success());
     let output = child.wait_with_output().expect("it ends");
-    assert_eq!(output.status.code(), Some(0), "{}", told(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", output_of(&output));
     assert!(
-        told(&output).contains("stopped by Ctrl-C"),
+        output_of(&output).contains("stopped by Ctrl-C"),
         "{}",
-        told(&output)
+        output_of(&output)
     );
-    // The boards were told, and write their cards.
-    assert!(!told(&output).contains("confirm"), "{}", told(&output));
+    // The boards got the command, and write their cards.
+    assert!(
+        !output_of(&output).contains("confirm"),
+        "{}",
+        output_of(&output)
+    );
     assert!(lines(&out.join("pixclock").join("seed-1").join("samples-1.csv")) > 10);
 }

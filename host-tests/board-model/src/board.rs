@@ -160,7 +160,7 @@ impl Board {
         outcome
     }
 
-    /// Reads the clock now, and checks what it says.
+    /// Reads the clock now, and checks the reading.
     pub fn read(&mut self) -> Reading {
         let now = self.cycles(self.now_ns);
         let reading = self.timeline.reading_at(now);

@@ -4,7 +4,7 @@
 //! [`UtcClock::MAX_SLEW`] beside it, except over the steps that it reported, which are as large as reported.
 //! Its frequency is no worse than the crystal's own error and a margin. An uncertainty is never 0.
 //!
-//! *Design.* Whoever drives the clock reports its course after each call ([`Invariants::push`]).
+//! *Design.* The board reports the clock's course after each call ([`Invariants::push`]).
 //! A reading is held against the one before over the courses in between.
 //!
 //! *Limits.* Readings come in the order of their stamps.

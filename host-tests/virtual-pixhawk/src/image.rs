@@ -95,7 +95,7 @@ impl Firmware {
             .filter(object::ObjectSymbol::is_definition)
             .filter_map(|symbol| {
                 let name = symbol.name().ok()?;
-                // Bit 0 of a function's address says Thumb.
+                // Bit 0 of a function's address means Thumb.
                 let thumb = u64::from(symbol.kind() == object::SymbolKind::Text);
                 let place = Symbol {
                     address: u32::try_from(symbol.address() & !thumb).ok()?,
@@ -209,7 +209,7 @@ impl Firmware {
                 bootloader_stand_in(),
                 Some(u64::from(FLASH)),
             )?,
-            // An ELF file says itself where its sections are stored.
+            // An ELF file states where its sections are stored.
             Image::new(&self.path, self.elf.clone(), None)?,
         ])
     }

@@ -3,7 +3,7 @@
 //! *Purpose.* [`PulseWire`] brings [`Pulse`]s, which live in true time, to the board's
 //! AUX5, where the firmware captures their edges.
 //!
-//! *Design.* It says when the run has to stop for it, and at a stop which levels the
+//! *Design.* It knows when the run has to stop for it, and at a stop which levels the
 //! pin goes through. An edge that comes while the wire is high still, a bounce, is a
 //! dip of no length. The pin reaches the timer only where the firmware has
 //! connected the two.

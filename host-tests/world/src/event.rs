@@ -1,11 +1,11 @@
 //! What a board sees of its receiver, as events in true time.
 //!
-//! *Purpose.* The vocabulary between whoever makes a flight (a generator, a file)
-//! and whoever plays it on a clock.
+//! *Purpose.* The vocabulary between the source of a flight (a generator, a file)
+//! and its player on a clock.
 //!
 //! *Design.* An event has what stood in the message or what the wire did, and how
 //! long the line had been busy by the message's first byte. Times are whole
-//! picoseconds, so that what a file says in decimals is kept exactly.
+//! picoseconds, so that the decimals of a file are kept exactly.
 //!
 //! *Limits.* No bytes: framing is another crate's test.
 
@@ -57,7 +57,7 @@ impl WorldPicos {
         self.0 as f64 / PS_PER_S
     }
 
-    /// So many ps later; stops at the ends of `i64`.
+    /// `ps` later; stops at the ends of `i64`.
     #[must_use]
     pub const fn plus(self, ps: i64) -> Self {
         Self(self.0.saturating_add(ps))
@@ -93,12 +93,12 @@ pub struct Event {
 ///
 /// `busy_us` is how long the receiver's line had had no gap of two byte times by the
 /// message's first byte, in µs: it waited in the queue for no longer. `None` where
-/// nobody looked.
+/// it was not measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EventKind {
     /// NAV-PVT.
     Mark {
-        /// The epoch that its fields tell, in ns of UTC since 1970.
+        /// The epoch in its fields, in ns of UTC since 1970.
         utc_ns: i64,
         /// tAcc, in ns.
         t_acc_ns: u32,
@@ -122,7 +122,7 @@ pub enum EventKind {
     TimTp {
         /// By how much the pulse will come late, in ps (−qErr).
         late_ps: i32,
-        /// Which second it says that the pulse stands for.
+        /// The second that it names for the pulse.
         names: Option<PulseName>,
         /// See [`EventKind`].
         busy_us: Option<u64>,
@@ -143,7 +143,7 @@ pub enum EventKind {
     },
 }
 
-/// Which second TIM-TP says that the next pulse stands for.
+/// The second that TIM-TP names for the next pulse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PulseName {
     /// Time of week, in ms.

@@ -78,7 +78,7 @@ impl Latency {
     }
 
     /// A soft edge, on which hardly a sample lies: gamma of shape 2 with the M8's
-    /// standard deviation of 6.5 ms. Nobody's figure: a case for estimators.
+    /// standard deviation of 6.5 ms. Not measured: a case for estimators.
     #[must_use]
     pub fn gamma() -> Self {
         Self::constant(40_000_000).with_excess(Excess::gamma_of(6_500_000))

@@ -3,9 +3,11 @@
 //! *Design.* Pairs of `key=value` after the word `status`, so that people and programs read the same
 //! line. Counters that commonly stay 0 are left out while they are 0.
 //!
-//! *Limits.* A line is one frame of the log, and interrupts are masked while that is written: each byte
-//! of it counts, and all of it should take less than the shortest tick. With the pulse and its
-//! counters it takes more: up to 61 µs were measured (`docs/timing.md`).
+//! *Limits.* A line is one frame of the log, and interrupts are masked while that is written: a byte
+//! that comes meanwhile is stamped at its end. So each byte of the frame counts, and it has to take
+//! less than the shortest tick: keys are indices into the image's strings. With the pulse and its
+//! counters it takes about 36 µs (the board test
+//! `a_ping_that_meets_the_status_line_is_stamped_within_a_tick`).
 
 use defmt::{Format, Formatter};
 use embassy_time::{Duration, Ticker};
@@ -52,19 +54,20 @@ fn log() {
     );
 }
 
-/// Writes ` name=count` for each field that is not 0.
+/// Writes ` key=count` for each counter that is not 0.
 macro_rules! nonzero {
-    ($f:ident, $counters:expr, $prefix:literal: $($field:ident),+) => {
+    ($f:ident, $counters:expr, { $($key:literal: $field:ident,)+ }) => {
         let counters = $counters;
-        $(count($f, concat!($prefix, stringify!($field)), counters.$field);)+
+        $(count($f, defmt::intern!($key), counters.$field);)+
     };
 }
 
-/// Writes ` name=count` if it is not 0. Not inlined, because there are dozens of calls.
+/// Writes ` key=count` if it is not 0. Not inlined, because there are dozens of calls. The key is an
+/// index into the image's strings, two bytes of the frame and none of the flash.
 #[inline(never)]
-fn count(f: Formatter, name: &str, count: u32) {
+fn count(f: Formatter, key: defmt::Str, count: u32) {
     if count != 0 {
-        defmt::write!(f, " {=str}={=u32}", name, count);
+        defmt::write!(f, " {=istr}={=u32}", key, count);
     }
 }
 
@@ -73,12 +76,36 @@ struct Clock(utc_clock::Counters);
 
 impl Format for Clock {
     fn format(&self, f: Formatter) {
-        nonzero!(f, self.0, "": steps_forward, steps_back, holdovers);
-        nonzero!(f, self.0, "mark_": date, time, unresolved, unconfirmed, inaccurate, calendar,
-            too_old, leap_second, stamp, backlog, duplicate_epoch, epoch_back, outlier, late, early,
-            drift, crystal);
-        nonzero!(f, self.0, "": pulses, pulse_locks, pulse_unnumbered, pulse_off_second,
-            pulse_off_line, pulse_doubled, pulse_stamp, pulse_backlog);
+        nonzero!(f, self.0, {
+            "steps_forward": steps_forward,
+            "steps_back": steps_back,
+            "holdovers": holdovers,
+            "mark_date": date,
+            "mark_time": time,
+            "mark_unresolved": unresolved,
+            "mark_unconfirmed": unconfirmed,
+            "mark_inaccurate": inaccurate,
+            "mark_calendar": calendar,
+            "mark_too_old": too_old,
+            "mark_leap_second": leap_second,
+            "mark_stamp": stamp,
+            "mark_backlog": backlog,
+            "mark_duplicate_epoch": duplicate_epoch,
+            "mark_epoch_back": epoch_back,
+            "mark_outlier": outlier,
+            "mark_late": late,
+            "mark_early": early,
+            "mark_drift": drift,
+            "mark_crystal": crystal,
+            "pulses": pulses,
+            "pulse_locks": pulse_locks,
+            "pulse_unnumbered": pulse_unnumbered,
+            "pulse_off_second": pulse_off_second,
+            "pulse_off_line": pulse_off_line,
+            "pulse_doubled": pulse_doubled,
+            "pulse_stamp": pulse_stamp,
+            "pulse_backlog": pulse_backlog,
+        });
     }
 }
 
@@ -88,11 +115,35 @@ struct Gnss(Option<GnssReport>);
 impl Format for Gnss {
     fn format(&self, f: Formatter) {
         let Some(report) = self.0 else { return };
-        nonzero!(f, report.receiver.link, "gps_": bad_checksums, truncated, refused, false_lengths,
-            other_messages, lone_syncs, nmea_starts, foreign_bytes);
-        nonzero!(f, report.receiver.session, "cfg_": rounds, attempts, accepted, refused, unanswered);
-        nonzero!(f, report.edges, "edges_": queued, followed, queue_full);
-        nonzero!(f, report.receiver.line, "gps_": overrun, framing, noise, incoming_full, outgoing_full);
+        nonzero!(f, report.receiver.link, {
+            "gps_bad_checksums": bad_checksums,
+            "gps_truncated": truncated,
+            "gps_refused": refused,
+            "gps_false_lengths": false_lengths,
+            "gps_other_messages": other_messages,
+            "gps_lone_syncs": lone_syncs,
+            "gps_nmea_starts": nmea_starts,
+            "gps_foreign_bytes": foreign_bytes,
+        });
+        nonzero!(f, report.receiver.session, {
+            "cfg_rounds": rounds,
+            "cfg_attempts": attempts,
+            "cfg_accepted": accepted,
+            "cfg_refused": refused,
+            "cfg_unanswered": unanswered,
+        });
+        nonzero!(f, report.edges, {
+            "edges_queued": queued,
+            "edges_followed": followed,
+            "edges_queue_full": queue_full,
+        });
+        nonzero!(f, report.receiver.line, {
+            "gps_overrun": overrun,
+            "gps_framing": framing,
+            "gps_noise": noise,
+            "gps_incoming_full": incoming_full,
+            "gps_outgoing_full": outgoing_full,
+        });
     }
 }
 
@@ -102,11 +153,29 @@ struct Mavlink(Option<MavlinkReport>);
 impl Format for Mavlink {
     fn format(&self, f: Formatter) {
         let Some(report) = self.0 else { return };
-        nonzero!(f, report.node, "mav_": timesyncs, commands, parameters, logs, unknown, answers,
-            for_others);
-        nonzero!(f, report.node.framing, "mav_": crc_failures, abandoned, unknown_flags, signed,
-            foreign_bytes);
-        nonzero!(f, report.line, "mav_": overrun, framing, noise, incoming_full, outgoing_full);
+        nonzero!(f, report.node, {
+            "mav_timesyncs": timesyncs,
+            "mav_commands": commands,
+            "mav_parameters": parameters,
+            "mav_logs": logs,
+            "mav_unknown": unknown,
+            "mav_answers": answers,
+            "mav_for_others": for_others,
+        });
+        nonzero!(f, report.node.framing, {
+            "mav_crc_failures": crc_failures,
+            "mav_abandoned": abandoned,
+            "mav_unknown_flags": unknown_flags,
+            "mav_signed": signed,
+            "mav_foreign_bytes": foreign_bytes,
+        });
+        nonzero!(f, report.line, {
+            "mav_overrun": overrun,
+            "mav_framing": framing,
+            "mav_noise": noise,
+            "mav_incoming_full": incoming_full,
+            "mav_outgoing_full": outgoing_full,
+        });
     }
 }
 
@@ -116,7 +185,13 @@ struct Slot(Option<CardErrors>);
 impl Format for Slot {
     fn format(&self, f: Formatter) {
         let Some(errors) = self.0 else { return };
-        nonzero!(f, errors, "card_": silent, crc, timeout, fifo, refused);
+        nonzero!(f, errors, {
+            "card_silent": silent,
+            "card_crc": crc,
+            "card_timeout": timeout,
+            "card_fifo": fifo,
+            "card_refused": refused,
+        });
     }
 }
 

@@ -1,9 +1,10 @@
 //! The time pulse on AUX5: edges against the truth.
 
-use virtual_pixhawk::{Builder, Firmware, Pixhawk};
+use mavlink_node::Version;
+use virtual_pixhawk::{Builder, Connector, Firmware, Pixhawk, Script};
 use world::{Pulse, PulseFault, PulseFaultKind, Pulses, Receiver, ReceiverSettings, WorldNanos};
 
-use crate::common::{MS, SECOND, START_UTC_NS, image, receiver_settings};
+use crate::common::{MS, SECOND, START_UTC_NS, image, ping_answers, pings, receiver_settings};
 
 /// TIM4 in the vector table (RM0090, table 62): 16 and the interrupt's number.
 const TIM4: u16 = 16 + 30;
@@ -114,4 +115,34 @@ fn of_an_edge_that_bounces_the_first_is_the_pulse() {
     assert!(error_ns.abs() <= 130, "{error_ns} ns");
     let followed = status(&mut board, "edges_followed");
     assert!(followed >= 30, "{followed}");
+}
+
+/// A byte of 10 bits at 115200: it is stamped when it is whole. [ns]
+const BYTE_NS: i64 = 86_806;
+
+#[test]
+fn a_ping_that_meets_the_status_line_is_stamped_within_a_tick() {
+    let Some(firmware) = image() else { return };
+    let settings = receiver_settings();
+    // The line is written once a second; its start is somewhere in this half of a ms.
+    let sent_at: Vec<_> = (0..125)
+        .map(|n| WorldNanos((20 + n) * SECOND + 200_000 + n * 4_000))
+        .collect();
+    let mut board = Builder::new(firmware)
+        .gps(Receiver::new(settings.clone()))
+        .pulse(Pulses::new(&settings))
+        .telem1(Script::new(pings(Version::V2, sent_at.iter().copied())))
+        .power_on()
+        .unwrap();
+    board.run_to(WorldNanos(146 * SECOND)).unwrap();
+    let answers = ping_answers(&board.take_received(Connector::Telem1).unwrap());
+    assert_eq!(answers.len(), sent_at.len());
+    let late_ns = answers.iter().zip(&sent_at).map(|(&(_, us), sent_at)| {
+        let whole_at_ns = START_UTC_NS + sent_at.0.cast_signed() + BYTE_NS;
+        us.cast_signed() * 1_000 - whole_at_ns
+    });
+    let most_ns = late_ns.max().unwrap();
+    println!("{most_ns} ns late");
+    // Some of them met it, and none met more than a tick. Answers have whole µs.
+    assert!((10_000..50_000).contains(&most_ns), "{most_ns} ns");
 }

@@ -79,7 +79,7 @@ fn utc() -> Option<CivilTime> {
     let reading = clock::reading_at(time::now());
     match reading.state {
         ClockState::Unset => None,
-        ClockState::Set | ClockState::Holdover => reading.utc.to_civil(),
+        ClockState::Set | ClockState::Holdover | ClockState::Unproved => reading.utc.to_civil(),
     }
 }
 

@@ -90,7 +90,7 @@ fn a_real_stall_of_a_second_and_a_half_leaves_the_clock_where_it_was() {
     // Recorded before the earliest date that is believed.
     let refused = run(&rows).counters;
     assert_eq!(refused.too_old as usize, rows.len());
-    assert!(rows.iter().all(|(_, utc)| *utc < Settings::EARLIEST));
+    assert!(rows.iter().all(|(_, utc)| *utc < Settings::DATE_FLOOR));
 
     let later: Vec<_> = rows
         .iter()

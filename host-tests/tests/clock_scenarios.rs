@@ -49,7 +49,7 @@ fn it_reads_the_time_since_boot_until_the_first_good_mark_sets_it() {
     board.pass_until(25 * SECOND);
     let unset = board.read();
     assert_eq!(unset.state, ClockState::Unset);
-    assert_eq!(unset.uncertainty_ns, u32::MAX);
+    assert_eq!(unset.uncertainty_ns, u64::MAX);
     assert!((unset.utc.0 - 25 * SECOND).abs() <= 25);
 
     let outcome = board.handle_arrival(epoch(125), 25 * SECOND + FLOOR);
@@ -60,7 +60,7 @@ fn it_reads_the_time_since_boot_until_the_first_good_mark_sets_it() {
     assert!(set.leap_seconds_known);
     // The latency is not known: the clock is late by it, and its uncertainty covers that.
     assert!((board.error_ns() + FLOOR).abs() <= 10);
-    assert!(i64::from(set.uncertainty_ns) >= FLOOR);
+    assert!(set.uncertainty_ns.cast_signed() >= FLOOR);
     let expected = Counters {
         accepted: 1,
         sets: 1,
@@ -157,7 +157,7 @@ fn each_kind_of_bad_mark_is_counted_and_costs_no_good_one() {
             Refusal::Calendar(CalendarError::Second(61)),
         ),
         (
-            |m| m.epoch = UtcNanos(Settings::EARLIEST.0 - 1).to_civil().unwrap(),
+            |m| m.epoch = UtcNanos(Settings::DATE_FLOOR.0 - 1).to_civil().unwrap(),
             Refusal::TooOld,
         ),
         (

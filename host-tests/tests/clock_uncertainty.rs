@@ -83,7 +83,7 @@ impl Case {
         checks.covered(samples.iter().copied());
         let sum = |of: fn(&Sample) -> f64| samples.iter().map(of).sum::<f64>();
         let error = sum(|sample| sample.error_ns.abs() as f64);
-        let uncertainty = sum(|sample| f64::from(sample.uncertainty_ns));
+        let uncertainty = sum(|sample| sample.uncertainty_ns as f64);
         if self.is_narrow {
             checks.at_most("mean uncertainty over mean error", uncertainty / error, 4.0);
         }

@@ -191,7 +191,7 @@ fn a_forecast_is_late_by_what_the_receiver_will_have_added() {
         let [Event::NavPvt { .. }, Event::TimTp(forecast)] = events[..] else {
             panic!("{events:?}")
         };
-        assert_eq!(forecast.late_ps, late_ps);
+        assert_eq!(forecast.late_ps, Some(late_ps));
         assert_eq!(forecast.arrival, ubx_line::arrival(100));
     }
     // The least qErr has no opposite.

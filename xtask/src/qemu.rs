@@ -251,11 +251,10 @@ fn sample(status: &Status, utc_ns: i64) -> Sample {
     };
     let shown: Option<Timestamp> = status.get("utc").and_then(|utc| utc.parse().ok());
     let shown_ns = shown.and_then(|utc| i64::try_from(utc.as_nanosecond()).ok());
-    let uncertainty = status.number("unc_ns").map(u32::try_from);
     Sample {
         state,
         offset_ns: shown_ns.map(|ns| ns - utc_ns),
-        uncertainty_ns: uncertainty.and_then(Result::ok).unwrap_or(u32::MAX),
+        uncertainty_ns: status.number("unc_ns").unwrap_or(u64::MAX),
     }
 }
 

@@ -29,8 +29,8 @@ use stm32f4xx_hal::interrupt;
 use stm32f4xx_hal::pac::tim3::RegisterBlock;
 use stm32f4xx_hal::pac::{Interrupt, TIM4};
 use stm32f4xx_hal::rcc::{Enable as _, Rcc, Reset as _};
-use timebase::PulseMark;
 use timebase::capture::Phase;
+use timebase::{Cycles, Polarity, PulseEdge};
 
 use super::time;
 
@@ -39,7 +39,9 @@ const AF: u8 = 2;
 
 /// SR of RM0090, section 18.4.5: cleared by writing 0, unmoved by 1.
 mod bits {
+    pub(super) const SR_CC1IF: u32 = 1 << 1;
     pub(super) const SR_CC2IF: u32 = 1 << 2;
+    pub(super) const SR_CC1OF: u32 = 1 << 9;
     pub(super) const SR_CC2OF: u32 = 1 << 10;
 }
 
@@ -57,7 +59,7 @@ pub struct EdgeCounters {
 /// The task's end, of which there is one.
 pub struct Pulse(());
 
-static EDGES: Channel<CriticalSectionRawMutex, PulseMark, 4> = Channel::new();
+static EDGES: Channel<CriticalSectionRawMutex, PulseEdge, 8> = Channel::new();
 static PHASE: AtomicU32 = AtomicU32::new(0);
 /// An edge was captured, and the alarm has not come since.
 static IS_DISABLED: AtomicBool = AtomicBool::new(false);
@@ -65,20 +67,25 @@ static QUEUED: AtomicU32 = AtomicU32::new(0);
 static FOLLOWED: AtomicU32 = AtomicU32::new(0);
 static QUEUE_FULL: AtomicU32 = AtomicU32::new(0);
 
-/// Starts the capture of `pin`'s rising edges. The time runs already, and the interrupt has its
+/// Starts the capture of `pin`'s edges, rising and falling. The time runs already, and the interrupt has its
 /// priority.
 pub fn start(tim4: TIM4, pin: PD13, rcc: &mut Rcc) -> Pulse {
     pin.into_alternate::<AF>().internal_resistor(Pull::Down);
     TIM4::enable(rcc);
     TIM4::reset(rcc);
-    // SAFETY: 01 connects channel 2 to its own pin; no filter, no prescaler.
-    tim4.ccmr1_input().write(|w| unsafe { w.cc2s().bits(0b01) });
+    // As in PWM input mode, but with the slave controller off: the counter runs free.
+    // SAFETY: 01 connects channel 2 to its own pin, 10 channel 1 to the same; no filter, no
+    // prescaler.
+    tim4.ccmr1_input()
+        .write(|w| unsafe { w.cc2s().bits(0b01).cc1s().bits(0b10) });
     tim4.arr().write(|w| w.arr().set(u16::MAX));
-    tim4.ccer().write(|w| w.cc2e().set_bit());
+    // Channel 1 captures the falling edges.
+    tim4.ccer()
+        .write(|w| w.cc2e().set_bit().cc1e().set_bit().cc1p().set_bit());
     tim4.cr1().write(|w| w.cen().enabled());
     let (before, at, after) = time::between(|| tim4.cnt().read().cnt().bits());
     PHASE.store(Phase::measured(before, at, after).to_bits(), Relaxed);
-    tim4.dier().write(|w| w.cc2ie().enabled());
+    tim4.dier().write(|w| w.cc1ie().enabled().cc2ie().enabled());
     // SAFETY: the handler uses nothing but this timer and the statics above.
     unsafe { NVIC::unmask(Interrupt::TIM4) };
     Pulse(())
@@ -88,18 +95,18 @@ pub fn start(tim4: TIM4, pin: PD13, rcc: &mut Rcc) -> Pulse {
 /// ignored: they may be bounces, and the round of their count cannot be found any more.
 #[inline]
 pub fn enable() {
-    const CAPTURED: u32 = bits::SR_CC2IF | bits::SR_CC2OF;
+    const CAPTURED: u32 = bits::SR_CC1IF | bits::SR_CC2IF | bits::SR_CC1OF | bits::SR_CC2OF;
     if !IS_DISABLED.load(Relaxed) {
         return;
     }
     IS_DISABLED.store(false, Relaxed);
     let tim4 = registers();
     if tim4.sr().read().bits() & CAPTURED != 0 {
-        // SAFETY: clears these two and leaves the others.
+        // SAFETY: clears these and leaves the others.
         tim4.sr().write(|w| unsafe { w.bits(!CAPTURED) });
         count(&FOLLOWED);
     }
-    tim4.dier().write(|w| w.cc2ie().enabled());
+    tim4.dier().write(|w| w.cc1ie().enabled().cc2ie().enabled());
 }
 
 impl Pulse {
@@ -109,7 +116,7 @@ impl Pulse {
     }
 
     /// The oldest edge that was not taken yet.
-    pub fn take(&mut self) -> Option<PulseMark> {
+    pub fn take(&mut self) -> Option<PulseEdge> {
         EDGES.try_receive().ok()
     }
 
@@ -130,12 +137,28 @@ fn TIM4() {
     // First, so that the request is gone when the handler returns.
     tim4.dier().reset();
     IS_DISABLED.store(true, Relaxed);
-    let capture = tim4.ccr2().read().ccr().bits();
+    let captured = tim4.sr().read().bits();
     let phase = Phase::from_bits(PHASE.load(Relaxed));
-    let edge = phase.edge(capture, time::now());
-    match EDGES.try_send(PulseMark { edge }) {
-        Ok(()) => count(&QUEUED),
-        Err(_) => count(&QUEUE_FULL),
+    let now = time::now();
+    let rise = (captured & bits::SR_CC2IF != 0).then(|| PulseEdge {
+        at: phase.edge(tim4.ccr2().read().ccr().bits(), now),
+        polarity: Polarity::Rise,
+    });
+    let fall = (captured & bits::SR_CC1IF != 0).then(|| PulseEdge {
+        at: phase.edge(tim4.ccr1().read().ccr().bits(), now),
+        polarity: Polarity::Fall,
+    });
+    let at = |edge: Option<PulseEdge>| edge.map_or(Cycles(u64::MAX), |edge| edge.at);
+    let in_order = if at(fall) < at(rise) {
+        [fall, rise]
+    } else {
+        [rise, fall]
+    };
+    for edge in in_order.into_iter().flatten() {
+        match EDGES.try_send(edge) {
+            Ok(()) => count(&QUEUED),
+            Err(_) => count(&QUEUE_FULL),
+        }
     }
 }
 

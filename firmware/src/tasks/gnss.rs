@@ -4,7 +4,7 @@ use core::mem;
 
 use embassy_futures::select::select3;
 use embassy_time::Timer;
-use timebase::{CORE_HZ, Cycles, PulseMark, TimeMark};
+use timebase::{CORE_HZ, Cycles, TimeMark};
 use ubx_link::Event;
 use utc_clock::{Outcome, PulseOutcome, Settings, Source, UtcClock};
 
@@ -16,6 +16,12 @@ use crate::drivers::time;
 use crate::drivers::uart::{Reader, Writer};
 use crate::reports::{GNSS, GnssReport};
 use crate::settings;
+
+/// GPS less UTC since 2017.
+const LEAP_SECONDS: i8 = 18;
+
+/// How long the receiver's pulse is high, as the session's CFG-TP5 asks for. [µs]
+const PULSE_WIDTH_US: u32 = 100_000;
 
 /// The receiver is to forecast its pulse for this time after an edge, in cycles: 10 s.
 const FORECASTS_FOR: u64 = 10 * CORE_HZ as u64;
@@ -58,11 +64,17 @@ impl Gnss {
         let Some(writer) = CLOCK.take_writer() else {
             defmt::panic!("the clock has a writer already");
         };
-        let settings = Settings::DEFAULT.with_latency_ns(settings::LATENCY_NS);
+        let settings = Settings {
+            // NAV-TIMELS is not asked for yet.
+            leap_seconds: Some(LEAP_SECONDS),
+            ..Settings::DEFAULT.with_latency_ns(settings::LATENCY_NS)
+        };
+        let mut clock = UtcClock::new(settings, writer);
+        clock.handle_pulse_width(Some(PULSE_WIDTH_US));
         Self {
             receiver: Receiver::new(line),
             pulse,
-            clock: UtcClock::new(settings, writer),
+            clock,
             edge: None,
             source: Source::Nothing,
         }
@@ -75,6 +87,7 @@ impl Gnss {
             match event {
                 Event::NavPvt { mark, .. } => self.handle_mark(&mark),
                 Event::TimTp(forecast) => self.clock.handle_forecast(&forecast),
+                Event::LeapSeconds(told) => self.clock.handle_leap_seconds(&told, time::now()),
                 Event::Ack { .. } | Event::Nak { .. } => {}
             }
         }
@@ -94,11 +107,9 @@ impl Gnss {
     /// Takes what came over the pulse's wire. After [`Self::handle_messages`]: a forecast comes
     /// before its pulse.
     fn handle_pulses(&mut self) {
-        while let Some(mark) = self.pulse.take() {
-            self.edge = Some(mark.edge);
-            if let PulseOutcome::Stepped { by_ns } =
-                handle_pulse(&mut self.clock, &mark, time::now())
-            {
+        while let Some(edge) = self.pulse.take() {
+            self.edge = Some(edge.at);
+            if let PulseOutcome::Stepped { by_ns } = self.clock.handle_edge(&edge, time::now()) {
                 push_step(by_ns);
             }
         }
@@ -148,10 +159,4 @@ impl Gnss {
 fn push_step(by_ns: i64) {
     defmt::warn!("the clock steps by {=i64} ns", by_ns);
     clock_events::push(ClockEvent::Stepped { by_ns });
-}
-
-/// One pulse, in estimator and clock: a function of its own, so that the bench can count it.
-#[inline(never)]
-fn handle_pulse(clock: &mut UtcClock<'static>, mark: &PulseMark, now: Cycles) -> PulseOutcome {
-    clock.handle_pulse(mark, now)
 }

@@ -21,6 +21,7 @@ pub async fn run(mut led: Led) {
             ClockState::Unset => (100, 100),
             ClockState::Set => (50, 950),
             ClockState::Holdover => (500, 500),
+            ClockState::Unproved => (950, 50),
         };
         // One await in the loop: each brings the whole of a timer.
         for (is_lit, for_ms) in [(true, lit_ms), (false, dark_ms)] {

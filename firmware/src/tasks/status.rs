@@ -35,7 +35,7 @@ fn log() {
     let mavlink = MAVLINK.get();
     let clock = gnss.map(|report| report.clock).unwrap_or_default();
     defmt::info!(
-        "status variant={} state={} source={} utc={} unc_ns={=u32} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}{}",
+        "status variant={} state={} source={} utc={} unc_ns={=u64} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}{}",
         VARIANT,
         reading.state,
         gnss.map(|report| report.source).unwrap_or_default(),
@@ -96,15 +96,18 @@ impl Format for Clock {
             "mark_late": late,
             "mark_early": early,
             "mark_drift": drift,
-            "mark_crystal": crystal,
+            "mark_waited": waited,
             "pulses": pulses,
             "pulse_locks": pulse_locks,
             "pulse_unnumbered": pulse_unnumbered,
+            "pulse_width": pulse_width,
+            "pulse_unproved": pulse_unproved,
             "pulse_off_second": pulse_off_second,
             "pulse_off_line": pulse_off_line,
             "pulse_doubled": pulse_doubled,
             "pulse_stamp": pulse_stamp,
             "pulse_backlog": pulse_backlog,
+            "pulse_q_err": pulse_q_err,
         });
     }
 }

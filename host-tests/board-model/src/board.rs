@@ -4,15 +4,18 @@
 //! nothing else. Timeouts are handled when they are due and a little late, as the firmware's timers
 //! are. A timeline lives as long as the process, as the firmware's does, which is a static.
 
-use timebase::{CORE_HZ, Cycles, PulseMark, TimeMark};
+use timebase::{CORE_HZ, Cycles, Polarity, PulseEdge, TimeMark};
 use utc_clock::{
     ClockState, Outcome, Published, PulseOutcome, Reading, Settings, UtcClock, UtcNanos,
 };
 use world::{Crystal, CrystalSettings};
 
 use crate::invariants::{Checked, Invariants, OnViolation, Step};
-use crate::time::{FRAME_NS, MS, PULSE_TASK_NS, SECOND, START, TIMER_LATE, moment};
-use crate::{Sample, Scenario, good_mark};
+use crate::time::{
+    FORECAST_AHEAD_NS, FRAME_NS, MS, PULSE_TASK_NS, PULSE_WIDTH_NS, SECOND, START, TIMER_LATE,
+    moment,
+};
+use crate::{Sample, Scenario, good_forecast, good_mark, leap_seconds};
 
 /// The readings of a run beat with no rate of marks or pulses. \[ns\]
 const READ_EVERY_NS: i64 = 37_000_100;
@@ -58,8 +61,11 @@ impl Board {
     fn with(settings: Settings, crystal: Crystal, utc_at_start: UtcNanos) -> Self {
         let timeline: &'static Published = Box::leak(Box::default());
         let writer = timeline.take_writer().expect("the first one");
+        let mut clock = UtcClock::new(settings, writer);
+        clock.handle_pulse_width(Some((PULSE_WIDTH_NS / 1_000) as u32));
+        clock.handle_leap_seconds(&leap_seconds(Cycles::BOOT), Cycles::BOOT);
         Self {
-            clock: UtcClock::new(settings, writer),
+            clock,
             timeline,
             now_ns: 0,
             read_every_ns: Some(READ_EVERY_NS),
@@ -141,17 +147,25 @@ impl Board {
         outcome
     }
 
-    /// Handles an edge of the pulse at `edge_ns`, once the task has it.
-    pub fn handle_edge(&mut self, edge_ns: i64) -> PulseOutcome {
-        self.pass_until(edge_ns + PULSE_TASK_NS);
-        let edge = self.cycles(edge_ns);
-        self.handle_pulse(&PulseMark { edge })
+    /// Handles a pulse that rises at `edge_ns`: its TIM-TP, its rise, and its fall.
+    pub fn handle_pulse(&mut self, edge_ns: i64) -> PulseOutcome {
+        let announced = self.cycles((edge_ns - FORECAST_AHEAD_NS).max(0));
+        self.clock.handle_forecast(&good_forecast(announced, None));
+        self.handle_edge_at(edge_ns, Polarity::Rise);
+        self.handle_edge_at(edge_ns + PULSE_WIDTH_NS, Polarity::Fall)
     }
 
-    /// Handles `pulse` as it is, now.
-    pub fn handle_pulse(&mut self, pulse: &PulseMark) -> PulseOutcome {
+    /// Handles an edge of the pulse's wire at `edge_ns`, once the task has it.
+    pub fn handle_edge_at(&mut self, edge_ns: i64, polarity: Polarity) -> PulseOutcome {
+        self.pass_until(edge_ns + PULSE_TASK_NS);
+        let at = self.cycles(edge_ns);
+        self.handle_edge(&PulseEdge { at, polarity })
+    }
+
+    /// Handles `edge` as it is, now.
+    pub fn handle_edge(&mut self, edge: &PulseEdge) -> PulseOutcome {
         let now = self.cycles(self.now_ns);
-        let outcome = self.clock.handle_pulse(pulse, now);
+        let outcome = self.clock.handle_edge(edge, now);
         let step = match outcome {
             PulseOutcome::Stepped { by_ns } => Step::By(by_ns),
             _ => Step::None,

@@ -28,12 +28,17 @@ pub enum EventKind {
         /// The epoch that it names.
         epoch: UtcNanos,
     },
-    /// A rising edge of the time pulse.
-    Pulse,
+    /// The time pulse rises.
+    Rise,
+    /// It falls, after it rose at that moment. [ns]
+    Fall {
+        /// The stamp of its rise.
+        rose_ns: i64,
+    },
     /// TIM-TP, for the next pulse.
     Forecast {
-        /// How late that pulse will be. \[ps\]
-        late_ps: i32,
+        /// How late that pulse will be, where the receiver says so. [ps]
+        late_ps: Option<i32>,
     },
 }
 
@@ -57,10 +62,21 @@ pub(crate) fn events(scenario: &Scenario) -> Box<dyn Iterator<Item = Event>> {
         return Box::new(marks);
     };
     let is_forecast = receiver.port.tim_tp_every > 0;
-    let mut pulses = Pulses::new(receiver)
+    let mut on_wire = Pulses::new(receiver).peekable();
+    // A pulse that begins while another lasts is none on the wire.
+    let on_wire = std::iter::from_fn(move || {
+        let mut pulse = on_wire.next()?;
+        while let Some(next) = on_wire.next_if(|next| next.edge.0 <= pulse.end.0) {
+            pulse.end = pulse.end.max(next.end);
+        }
+        Some(pulse)
+    });
+    let mut pulses = on_wire
         .flat_map(move |pulse| {
-            let forecast = forecast(&pulse).filter(|_| is_forecast);
-            forecast.into_iter().chain([edge(&pulse)])
+            let [rise, fall] = edges(&pulse);
+            forecast(&pulse, is_forecast)
+                .into_iter()
+                .chain([rise, fall])
         })
         .peekable();
     Box::new(std::iter::from_fn(move || {
@@ -70,23 +86,27 @@ pub(crate) fn events(scenario: &Scenario) -> Box<dyn Iterator<Item = Event>> {
     }))
 }
 
-fn edge(pulse: &Pulse) -> Event {
-    let edge_ns = pulse.edge.0.cast_signed();
-    Event {
-        stamped_ns: edge_ns,
-        handled_ns: edge_ns + PULSE_TASK_NS,
-        kind: EventKind::Pulse,
-    }
+fn edges(pulse: &Pulse) -> [Event; 2] {
+    let rose_ns = pulse.edge.0.cast_signed();
+    let at = |stamped_ns, kind| Event {
+        stamped_ns,
+        handled_ns: stamped_ns + PULSE_TASK_NS,
+        kind,
+    };
+    [
+        at(rose_ns, EventKind::Rise),
+        at(pulse.end.0.cast_signed(), EventKind::Fall { rose_ns }),
+    ]
 }
 
 /// The TIM-TP of a pulse; none for an edge that stands for no second.
-fn forecast(pulse: &Pulse) -> Option<Event> {
+fn forecast(pulse: &Pulse, says_late: bool) -> Option<Event> {
     let stamped_ns = (pulse.edge.0.cast_signed() - FORECAST_AHEAD_NS).max(0);
     pulse.utc_s.is_some().then_some(Event {
         stamped_ns,
         handled_ns: stamped_ns + FORECAST_NS,
         kind: EventKind::Forecast {
-            late_ps: pulse.late_ps,
+            late_ps: says_late.then_some(pulse.late_ps),
         },
     })
 }

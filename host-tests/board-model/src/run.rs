@@ -2,13 +2,13 @@
 
 use std::iter::Peekable;
 
-use timebase::{PulseForecast, PulseMark};
+use timebase::{Polarity, PulseEdge};
 use utc_clock::{ClockState, Outcome, PulseOutcome};
 
 use crate::board::Board;
 use crate::event::{self, Event, EventKind};
 use crate::time::SECOND;
-use crate::{Sample, Scenario, good_mark};
+use crate::{Sample, Scenario, good_forecast, good_mark};
 
 /// A scenario that is being run.
 pub struct Run {
@@ -71,17 +71,24 @@ impl Run {
                     self.marks.push((stamped_ns, self.board.handle_mark(&mark)));
                 }
             }
-            EventKind::Pulse => {
-                let edge = self.board.cycles(stamped_ns);
-                let outcome = self.board.handle_pulse(&PulseMark { edge });
-                self.pulses.push((stamped_ns, outcome));
+            EventKind::Rise => {
+                self.handle_edge(stamped_ns, Polarity::Rise);
+            }
+            EventKind::Fall { rose_ns } => {
+                let outcome = self.handle_edge(stamped_ns, Polarity::Fall);
+                self.pulses.push((rose_ns, outcome));
             }
             EventKind::Forecast { late_ps } => {
                 let arrival = self.board.cycles(stamped_ns);
-                let forecast = PulseForecast { arrival, late_ps };
+                let forecast = good_forecast(arrival, late_ps);
                 self.board.clock.handle_forecast(&forecast);
             }
         }
+    }
+
+    fn handle_edge(&mut self, stamped_ns: i64, polarity: Polarity) -> PulseOutcome {
+        let at = self.board.cycles(stamped_ns);
+        self.board.handle_edge(&PulseEdge { at, polarity })
     }
 
     /// Runs on for `seconds`.

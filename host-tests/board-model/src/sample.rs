@@ -9,8 +9,8 @@ pub struct Sample {
     pub at_ns: i64,
     /// The reading less UTC. \[ns\]
     pub error_ns: i64,
-    /// The uncertainty that the reading stated. \[ns\]
-    pub uncertainty_ns: u32,
+    /// The uncertainty that the reading stated. [ns]
+    pub uncertainty_ns: u64,
     /// Set, or in holdover.
     pub state: ClockState,
 }
@@ -27,7 +27,7 @@ pub fn coverage(samples: impl IntoIterator<Item = Sample>) -> f64 {
     let (mut covered, mut all) = (0.0, 0.0);
     for sample in samples {
         all += 1.0;
-        if sample.error_ns.unsigned_abs() <= u64::from(sample.uncertainty_ns) {
+        if sample.error_ns.unsigned_abs() <= sample.uncertainty_ns {
             covered += 1.0;
         }
     }

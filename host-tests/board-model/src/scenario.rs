@@ -32,6 +32,7 @@ impl Scenario {
         Self {
             settings: Settings {
                 latency_uncertainty_ns: 0,
+                pulse_uncertainty_ns: 0,
                 ..Settings::DEFAULT
             },
             crystal: CrystalSettings::new(rng.f64() * 100_000.0 - 50_000.0),

@@ -45,3 +45,6 @@ pub fn nominal_ns(cycles: Cycles) -> i64 {
     let ns = u128::from(cycles.0) * 1_000_000_000 / u128::from(CORE_HZ);
     i64::try_from(ns).unwrap_or(i64::MAX)
 }
+
+/// How long a receiver's pulse is high, as it was asked for. [ns]
+pub const PULSE_WIDTH_NS: i64 = 100 * MS;

@@ -33,6 +33,9 @@ const DAY_NS: i64 = 86_400_000_000_000;
 /// An old trace is moved forward by ten years, as often as needed. \[days\]
 const LIFT_DAYS: i64 = 3_653;
 
+/// GPS less UTC since 2017. [s]
+const LEAP_COUNT: i8 = 18;
+
 /// What is wrong with a trace.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum TraceError {
@@ -75,6 +78,8 @@ pub struct Trace {
     pub rows: Vec<Row>,
     /// By how much it was moved forward. \[days\]
     pub lifted_days: i64,
+    /// The earliest date that our clock accepts.
+    pub floor: UtcNanos,
 }
 
 impl Trace {
@@ -90,6 +95,15 @@ impl Trace {
     ///
     /// What is wrong with it, and in which line.
     pub fn parse(text: &str) -> Result<Self, TraceError> {
+        Self::parse_from(text, Settings::DATE_FLOOR)
+    }
+
+    /// Reads one for a clock that accepts dates from `floor` on.
+    ///
+    /// # Errors
+    ///
+    /// As [`Trace::parse`].
+    pub fn parse_from(text: &str, floor: UtcNanos) -> Result<Self, TraceError> {
         let mut lines = text.lines();
         if lines.next().map(str::trim) != Some(HEADER) {
             return Err(TraceError::Header);
@@ -112,19 +126,18 @@ impl Trace {
         if rows.len() < 2 {
             return Err(TraceError::Short);
         }
-        let earliest = rows
-            .iter()
-            .map(|row| row.utc)
-            .min()
-            .unwrap_or(Settings::EARLIEST.0);
+        let earliest = rows.iter().map(|row| row.utc).min().unwrap_or(floor.0);
         let lift = LIFT_DAYS * DAY_NS;
-        let times =
-            (Settings::EARLIEST.0.saturating_sub(earliest).max(0) as u64).div_ceil(lift as u64);
+        let times = (floor.0.saturating_sub(earliest).max(0) as u64).div_ceil(lift as u64);
         let lifted_days = times as i64 * LIFT_DAYS;
         for row in &mut rows {
             row.utc += lifted_days * DAY_NS;
         }
-        Ok(Self { rows, lifted_days })
+        Ok(Self {
+            rows,
+            lifted_days,
+            floor,
+        })
     }
 
     /// Plays it on every clock.
@@ -132,7 +145,13 @@ impl Trace {
     pub fn replay(&self) -> Replayed {
         let ahead = Ahead::of(&self.rows);
         // By its own time a board's crystal is right; how far off it was is not known.
-        let mut board = Board::new(Settings::DEFAULT, 0.0);
+        // A trace has no NAV-TIMELS: its leap count is configured.
+        let settings = Settings {
+            leap_seconds: Some(LEAP_COUNT),
+            date_floor: self.floor,
+            ..Settings::DEFAULT
+        };
+        let mut board = Board::new(settings, 0.0);
         board.read_every_ns = None;
         board.invariants = Invariants::new(OnViolation::Count);
         board.invariants.margin_ppb = f64::INFINITY;
@@ -284,7 +303,11 @@ mod tests {
         assert_eq!(old.lifted_days, 3_653);
         let lifted = old.rows[0].utc - 1_448_149_465_400_000_000;
         assert_eq!(lifted, 3_653 * DAY_NS);
-        assert!(old.rows[0].utc >= Settings::EARLIEST.0);
+        assert!(old.rows[0].utc >= Settings::DATE_FLOOR.0);
+        // Not where the floor is older.
+        let text = format!("{HEADER}\n7,1448149465400000\n8,1448149465600000");
+        let floor = UtcNanos(1_420_070_400_000_000_000);
+        assert_eq!(Trace::parse_from(&text, floor).unwrap().lifted_days, 0);
     }
 
     #[test]

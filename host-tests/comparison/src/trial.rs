@@ -182,6 +182,8 @@ impl Chance {
         };
         let unknown = Settings {
             latency_uncertainty_ns,
+            // Its own part as well: the receivers' pulses are UTC here.
+            pulse_uncertainty_ns: 0,
             ..Settings::DEFAULT
         };
         if case.stored {
@@ -199,7 +201,7 @@ impl Chance {
 /// What a board's candidates published less UTC, at each moment.
 struct History {
     /// Our clock's error and uncertainty, while it is set. \[ns\]
-    ours: Vec<Option<(i64, u32)>>,
+    ours: Vec<Option<(i64, u64)>>,
     /// Each baseline's error, while it is set. \[ns\]
     baselines: Vec<Vec<Option<i64>>>,
     /// The floor of the receiver's latency. \[ns\]
@@ -325,7 +327,6 @@ impl Own {
             };
             let against_floor = (error + floor).unsigned_abs();
             self.errors.push(capped(against_floor));
-            let uncertainty = u64::from(uncertainty);
             self.uncertainty_sum += uncertainty;
             self.covered += u64::from(against_floor <= uncertainty);
             self.covered_utc +=

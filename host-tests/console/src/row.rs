@@ -90,6 +90,7 @@ impl Columns {
             (ClockState::Unset, _) => {
                 return padded(FAINT, "not set", self.cell_width());
             }
+            (ClockState::Unproved, _) => ("second unproved", CAUTION),
             (ClockState::Holdover, _) => ("holdover", CAUTION),
             (ClockState::Set, true) => ("set by pulse", GOOD),
             (ClockState::Set, false) => ("set by messages", GOOD),
@@ -113,8 +114,8 @@ impl Columns {
 }
 
 /// An uncertainty with its unit; what has no room in its type is at least 4.3 s.
-pub(crate) fn uncertainty(ns: u32) -> String {
-    if ns == u32::MAX {
+pub(crate) fn uncertainty(ns: u64) -> String {
+    if ns == u64::MAX {
         "> 4.2 s".to_owned()
     } else {
         units::magnitude(ns.into())
@@ -148,7 +149,7 @@ mod tests {
         errors: true,
     };
 
-    fn cell(offset_ns: i64, uncertainty_ns: u32) -> Option<Cell> {
+    fn cell(offset_ns: i64, uncertainty_ns: u64) -> Option<Cell> {
         Some(Cell {
             sample: Sample {
                 state: ClockState::Set,
@@ -193,7 +194,7 @@ mod tests {
         };
         let heading = plain(&TWO.heading());
         let rows = [
-            [cell(-61_030_000, 121_000_000), cell(5, u32::MAX)],
+            [cell(-61_030_000, 121_000_000), cell(5, u64::MAX)],
             [cell(12, 45), cell(-999_900_000, 1_230_000)],
             [UNSET, cell(-1, 1)],
             [None, cell(-1, 1)],

@@ -11,9 +11,9 @@ pub struct Sample {
     pub state: ClockState,
     /// The clock less the reference of all boards, in ns. `None` while it is unset.
     pub offset_ns: Option<i64>,
-    /// What the clock claims: UTC is at most so far from it to either side, in ns. `u32::MAX`
+    /// What the clock claims: UTC is at most so far from it to either side, in ns. `u64::MAX`
     /// stands for 4.3 s and more.
-    pub uncertainty_ns: u32,
+    pub uncertainty_ns: u64,
 }
 
 impl Sample {
@@ -21,13 +21,13 @@ impl Sample {
     pub const UNSET: Self = Self {
         state: ClockState::Unset,
         offset_ns: None,
-        uncertainty_ns: u32::MAX,
+        uncertainty_ns: u64::MAX,
     };
 
     /// The clock is further off than it claims.
     pub(crate) fn is_misleading(&self) -> bool {
         let is_beyond = |ns: i64| ns.unsigned_abs() > self.uncertainty_ns.into();
-        self.uncertainty_ns < u32::MAX && self.offset_ns.is_some_and(is_beyond)
+        self.uncertainty_ns < u64::MAX && self.offset_ns.is_some_and(is_beyond)
     }
 }
 

@@ -9,7 +9,9 @@
 //!
 //! *Limits.* The task itself takes no time.
 
-use timebase::{Cycles, PulseForecast, PulseMark, TimeMark, Validity};
+use timebase::{
+    Cycles, LeapEvent, LeapSeconds, Polarity, PulseEdge, PulseForecast, TimeMark, Validity,
+};
 use utc_clock::{ClockState, Counters, Published, Settings, Source, UtcClock, UtcNanos};
 use world::{EventKind, WorldPicos};
 
@@ -45,11 +47,19 @@ pub struct Totals {
 /// # Panics
 ///
 /// Never: the timeline is its own, so its writer is there to be taken.
-pub fn play(flight: &Flight, _setup: &Setup, mut each: impl FnMut(&Reading)) -> Totals {
+pub fn play(flight: &Flight, setup: &Setup, mut each: impl FnMut(&Reading)) -> Totals {
     let line = Published::new();
-    let settings =
-        Settings::DEFAULT.with_latency_ns(flight.header.latency_us.saturating_mul(1_000));
+    let settings = Settings {
+        date_floor: setup
+            .floor_utc_ns
+            .map_or(Settings::DEFAULT.date_floor, UtcNanos),
+        ..Settings::DEFAULT.with_latency_ns(flight.header.latency_us.saturating_mul(1_000))
+    };
     let mut clock = UtcClock::new(settings, line.take_writer().expect("a line of its own"));
+    clock.handle_pulse_width(flight.header.pulse.and_then(|pulse| {
+        // An inverted pulse is none that the firmware asks for.
+        pulse.is_high.then_some(pulse.width_ns / 1_000)
+    }));
     let crystal = &flight.header.crystal;
     let cycles = |at: WorldPicos| Cycles(crystal.cycles_at(at));
     let mut handled: Vec<_> = flight
@@ -65,6 +75,8 @@ pub fn play(flight: &Flight, _setup: &Setup, mut each: impl FnMut(&Reading)) -> 
         while let Some((now, event)) = handled.next_if(|(at, _)| *at <= read_at) {
             pass_until(&mut clock, cycles(now));
             handle(&mut clock, &flight.header, event.at, &event.kind, now);
+            // The answer is in the flight, as if the question had been asked.
+            let _ = clock.poll_leap_seconds(cycles(now));
         }
         let now = cycles(read_at);
         pass_until(&mut clock, now);
@@ -82,11 +94,12 @@ pub fn play(flight: &Flight, _setup: &Setup, mut each: impl FnMut(&Reading)) -> 
             }
             ClockState::Set => "set",
             ClockState::Holdover => "holdover",
+            ClockState::Unproved => "unproved",
         };
         each(&Reading {
             at: read_at,
             utc_ns: Some(reading.utc.0),
-            uncertainty_ns: Some(u64::from(reading.uncertainty_ns)),
+            uncertainty_ns: Some(reading.uncertainty_ns),
             state,
             source,
         });
@@ -135,11 +148,12 @@ fn handle(
             utc_ns,
             t_acc_ns,
             valid,
-            ..
+            busy_us,
         } => {
             if let Some(epoch) = UtcNanos(utc_ns).to_civil() {
                 let mark = TimeMark {
                     arrival,
+                    busy_us: busy(busy_us),
                     epoch,
                     t_acc_ns,
                     validity: validity(valid),
@@ -147,13 +161,14 @@ fn handle(
                 let _ = clock.handle_mark(&mark, now);
             }
         }
-        EventKind::Mark60 { nano, .. } => {
+        EventKind::Mark60 { nano, busy_us } => {
             // Second 60 ends the day before the midnight that is nearest.
             let day = (header.utc_ns(at) + DAY_NS / 2).div_euclid(DAY_NS);
             if let Some(mut epoch) = UtcNanos((day * DAY_NS).saturating_sub(1)).to_civil() {
                 (epoch.second, epoch.nano) = (60, nano);
                 let mark = TimeMark {
                     arrival,
+                    busy_us: busy(busy_us),
                     epoch,
                     t_acc_ns: 25,
                     validity: validity(0x37),
@@ -161,14 +176,56 @@ fn handle(
                 let _ = clock.handle_mark(&mark, now);
             }
         }
-        EventKind::Rise => {
-            let _ = clock.handle_pulse(&PulseMark { edge: arrival }, now);
+        EventKind::Rise | EventKind::Fall => {
+            let polarity = match kind {
+                EventKind::Rise => Polarity::Rise,
+                _ => Polarity::Fall,
+            };
+            let at = arrival;
+            let _ = clock.handle_edge(&PulseEdge { at, polarity }, now);
         }
-        EventKind::TimTp { late_ps, .. } => {
-            clock.handle_forecast(&PulseForecast { arrival, late_ps });
+        EventKind::TimTp {
+            late_ps,
+            names,
+            busy_us,
+        } => {
+            // What a flight does not tell is not claimed.
+            let flags = names.map_or(0, |names| names.flags);
+            clock.handle_forecast(&PulseForecast {
+                arrival,
+                busy_us: busy(busy_us),
+                late_ps: (flags & 0x10 == 0).then_some(late_ps),
+                tow_ms: names.map_or(0, |names| names.tow_ms),
+                week: names.map_or(0, |names| names.week),
+                is_utc_base: flags & 1 != 0,
+                is_utc_available: flags & 2 != 0,
+            });
         }
-        EventKind::Fall | EventKind::TimeLs { .. } => {}
+        EventKind::TimeLs {
+            source,
+            count,
+            change,
+            to_event_s,
+            busy_us,
+        } => {
+            let told = LeapSeconds {
+                arrival,
+                busy_us: busy(busy_us),
+                source,
+                count: Some(count),
+                event: Some(LeapEvent {
+                    change,
+                    in_s: to_event_s,
+                }),
+            };
+            clock.handle_leap_seconds(&told, now);
+        }
     }
+}
+
+/// How long the line had been busy; where nobody looked, it is taken for idle.
+fn busy(busy_us: Option<u64>) -> u32 {
+    busy_us.map_or(0, |us| u32::try_from(us).unwrap_or(u32::MAX))
 }
 
 /// `valid` of NAV-PVT, with the standard of NAV-TIMEUTC in the upper half.
@@ -192,6 +249,17 @@ fn totals(counters: Counters) -> Totals {
             ("holdovers", counters.holdovers.into()),
             ("pulses", counters.pulses.into()),
             ("pulse_locks", counters.pulse_locks.into()),
+            ("pulse_width", counters.pulse_width.into()),
+            ("pulse_unproved", counters.pulse_unproved.into()),
+            ("pulse_off_line", counters.pulse_off_line.into()),
+            ("pulse_doubled", counters.pulse_doubled.into()),
+            ("pulse_q_err", counters.pulse_q_err.into()),
+            ("outlier", counters.outlier.into()),
+            ("late", counters.late.into()),
+            ("early", counters.early.into()),
+            ("drift", counters.drift.into()),
+            ("waited", counters.waited.into()),
+            ("date_out", counters.too_old.into()),
         ],
     }
 }

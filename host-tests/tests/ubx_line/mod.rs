@@ -101,12 +101,14 @@ fn event(frame: &Found<'_>) -> Option<Event> {
         0x0d => {
             let p = frame.payload;
             let q_err = i32::from_le_bytes([p[8], p[9], p[10], p[11]]);
-            if p[14] & 0x10 != 0 {
-                return None;
-            }
             Event::TimTp(PulseForecast {
                 arrival: arrival(frame.offset),
-                late_ps: q_err.checked_neg().unwrap_or(i32::MAX),
+                busy_us: 0,
+                late_ps: (p[14] & 0x10 == 0).then(|| q_err.checked_neg().unwrap_or(i32::MAX)),
+                tow_ms: u32::from_le_bytes([p[0], p[1], p[2], p[3]]),
+                week: u16::from_le_bytes([p[12], p[13]]),
+                is_utc_base: p[14] & 1 != 0,
+                is_utc_available: p[14] & 2 != 0,
             })
         }
         _ => {
@@ -126,6 +128,7 @@ fn nav_pvt(frame: &Found<'_>) -> Event {
     Event::NavPvt {
         mark: TimeMark {
             arrival: arrival(frame.offset),
+            busy_us: 0,
             epoch: CivilTime {
                 year: two(4),
                 month: p[6],

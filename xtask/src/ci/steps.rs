@@ -207,6 +207,7 @@ fn figures() -> Vec<Step> {
     let experiment = ["testbed", "--check", "--duration", "60", "--method", JUDGED];
     let mut steps = vec![
         Step::xtask("bounds", &["compare", "--check"]),
+        Step::xtask("integrity", &["integrity", "--check"]),
         Step::xtask("size", &["size"]),
         Step::xtask("board tests", &["board-test"]),
         Step::xtask("the paper's experiment", &experiment),

@@ -14,10 +14,28 @@ use comparison::trace::HEADER;
 use serde_json::json;
 use timebase::{Cycles, StampedByte};
 use ubx_link::{Event, Link};
-use utc_clock::{Outcome, Published, Settings, UtcClock};
+use utc_clock::{Outcome, Published, Settings, UtcClock, UtcNanos};
 use world::{Recording, Talker};
 
 use super::options::Options;
+
+/// GPS less UTC since 2017. [s]
+const LEAP_COUNT: i8 = 18;
+/// How a NAV-TIMELS frame begins.
+const TIME_LS: [u8; 6] = [0xb5, 0x62, 0x01, 0x26, 24, 0];
+
+/// The clock's settings for a recording: the leap count is configured where the recording has no
+/// NAV-TIMELS, the floor is the user's.
+fn settings(options: &Options, bytes: &[u8]) -> Result<Settings> {
+    let tells_leap_count = bytes.windows(TIME_LS.len()).any(|window| window == TIME_LS);
+    Ok(Settings {
+        leap_seconds: (!tells_leap_count).then_some(LEAP_COUNT),
+        date_floor: options
+            .floor_utc_ns()?
+            .map_or(Settings::DATE_FLOOR, UtcNanos),
+        ..Settings::DEFAULT
+    })
+}
 
 /// Replays `bytes` and prints what became of each NAV-PVT, and every counter.
 ///
@@ -38,7 +56,7 @@ pub fn run(options: &Options, bytes: &[u8]) -> Result<ExitCode> {
     };
     let line = Published::new();
     let mut clock = UtcClock::new(
-        Settings::DEFAULT,
+        settings(options, bytes)?,
         line.take_writer().context("a line of its own")?,
     );
     let mut link = Link::new();

@@ -11,6 +11,7 @@ use std::process::ExitCode;
 use anyhow::{Context, Result};
 use comparison::trace::{Replayed, Trace};
 use serde_json::json;
+use utc_clock::{Settings, UtcNanos};
 
 use super::options::Options;
 use super::plot;
@@ -22,7 +23,10 @@ use super::plot;
 /// When it is a bad one, or the picture cannot be written.
 pub fn run(options: &Options, content: &[u8]) -> Result<ExitCode> {
     let path = options.file.display();
-    let trace = Trace::parse(&String::from_utf8_lossy(content))
+    let floor = options
+        .floor_utc_ns()?
+        .map_or(Settings::DATE_FLOOR, UtcNanos);
+    let trace = Trace::parse_from(&String::from_utf8_lossy(content), floor)
         .with_context(|| format!("{path} is no trace of arrivals"))?;
     let replayed = trace.replay();
     let svg = options.svg()?;

@@ -72,7 +72,7 @@ impl BaseTime {
             } else {
                 ClockState::Unset
             },
-            uncertainty_ns: u32::MAX,
+            uncertainty_ns: u32::MAX as u64,
             leap_seconds_known: self.leap_seconds_known,
         }
     }
@@ -215,6 +215,7 @@ mod tests {
     /// A mark that many ns after four, of a receiver without a complaint.
     fn mark(nano: i32) -> TimeMark {
         TimeMark {
+            busy_us: 0,
             arrival: Cycles(0),
             epoch: CivilTime {
                 year: 2026,
@@ -251,7 +252,7 @@ mod tests {
         assert_eq!(clock.handle_mark(&mark(0), Cycles(50 * MS)), Outcome::Set);
         let reading = clock.base_time().reading_at(Cycles(50 * MS));
         assert_eq!((reading.utc, reading.state), (FOUR, ClockState::Set));
-        assert_eq!(reading.uncertainty_ns, u32::MAX);
+        assert_eq!(reading.uncertainty_ns, u32::MAX.into());
         assert!(reading.leap_seconds_known);
         // 9 ms later than the one before, and then 9 ms earlier.
         for (tick_ms, nano, by_ns) in [

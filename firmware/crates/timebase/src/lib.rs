@@ -81,5 +81,7 @@ pub mod tick;
 pub use cycles::{CORE_HZ, Cycles, Stamp, StampedByte};
 pub use division::divide;
 pub use fix::Fix;
-pub use mark::{CivilTime, PulseForecast, PulseMark, TimeMark, Validity};
+pub use mark::{
+    CivilTime, LeapEvent, LeapSeconds, Polarity, PulseEdge, PulseForecast, TimeMark, Validity,
+};
 pub use state::ClockState;

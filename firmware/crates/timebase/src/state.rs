@@ -15,6 +15,8 @@ pub enum ClockState {
     Set = 1,
     /// Set, but no receiver steers it any more: it runs on by itself.
     Holdover = 2,
+    /// Set, but which second it is has not been proved, or is contradicted.
+    Unproved = 3,
 }
 
 impl ClockState {
@@ -33,17 +35,20 @@ impl ClockState {
             0 => Some(Self::Unset),
             1 => Some(Self::Set),
             2 => Some(Self::Holdover),
+            3 => Some(Self::Unproved),
             _ => None,
         }
     }
 
-    /// The word for it in status lines and files: `unset`, `set` or `holdover`.
+    /// The word for it in status lines and files: `unset`, `set`, `holdover` or
+    /// `unproved`.
     #[must_use]
     pub const fn as_str(self) -> &'static str {
         match self {
             Self::Unset => "unset",
             Self::Set => "set",
             Self::Holdover => "holdover",
+            Self::Unproved => "unproved",
         }
     }
 }
@@ -62,6 +67,7 @@ impl defmt::Format for ClockState {
             Self::Unset => defmt::write!(f, "unset"),
             Self::Set => defmt::write!(f, "set"),
             Self::Holdover => defmt::write!(f, "holdover"),
+            Self::Unproved => defmt::write!(f, "unproved"),
         }
     }
 }
@@ -72,10 +78,15 @@ mod tests {
 
     #[test]
     fn bits_are_two_and_come_back() {
-        for state in [ClockState::Unset, ClockState::Set, ClockState::Holdover] {
+        for state in [
+            ClockState::Unset,
+            ClockState::Set,
+            ClockState::Holdover,
+            ClockState::Unproved,
+        ] {
             assert!(state.bits() < 4);
             assert_eq!(ClockState::from_bits(state.bits()), Some(state));
         }
-        assert_eq!(ClockState::from_bits(3), None);
+        assert_eq!(ClockState::from_bits(4), None);
     }
 }

@@ -17,11 +17,14 @@
 //! *Limits.* Height above the ellipsoid, the velocity's components and the
 //! magnetic fields are not used.
 
-use timebase::{CivilTime, Cycles, Fix, PulseForecast, TimeMark, Validity};
+use timebase::{CivilTime, Cycles, Fix, LeapEvent, LeapSeconds, PulseForecast, TimeMark, Validity};
 use ublox::UbxProtocol;
 use ublox::proto23::{PacketRef, Proto23};
 
-use crate::kind::{ACK_PAYLOAD_LEN, HEADER_LEN, Kind, NAV_PVT_PAYLOAD_LEN, TIM_TP_PAYLOAD_LEN};
+use crate::kind::{
+    ACK_PAYLOAD_LEN, HEADER_LEN, Kind, NAV_PVT_PAYLOAD_LEN, NAV_TIMELS_PAYLOAD_LEN,
+    TIM_TP_PAYLOAD_LEN,
+};
 
 /// A message of the receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +38,8 @@ pub enum Event {
     },
     /// TIM-TP: the error of the next time pulse.
     TimTp(PulseForecast),
+    /// NAV-TIMELS: where the leap count comes from.
+    LeapSeconds(LeapSeconds),
     /// ACK-ACK: a configuration frame was accepted.
     Ack {
         /// The class of that frame.
@@ -55,6 +60,12 @@ pub enum Event {
 /// (u-blox F9 interface descriptions), which has 0 there. In a recorded cold start it is set, and
 /// `qErr` is 0, until the start is over.
 const QUANTISATION_UNKNOWN: u8 = 0x10;
+/// `timeBase` and `utc` in the same flags.
+const TIM_TP_UTC_BASE: u8 = 0x01;
+const TIM_TP_UTC_AVAILABLE: u8 = 0x02;
+/// `validCurrLs` and `validTimeToLsEvent` in the last byte of a NAV-TIMELS.
+const LEAP_COUNT_VALID: u8 = 0x01;
+const LEAP_EVENT_VALID: u8 = 0x02;
 /// The offset of those flags in the payload, in bytes: `ublox` does not give their raw value.
 const TIM_TP_FLAGS: usize = 14;
 
@@ -79,7 +90,7 @@ fn payload<const LENGTH: usize>(frame: &[u8]) -> Option<&[u8; LENGTH]> {
 
 /// The event of a whole `frame` of `kind` whose first byte came at `arrival`; `None` if `ublox`
 /// refuses it, or if its own flags say that it has no value.
-pub(crate) fn parse(kind: Kind, frame: &[u8], arrival: Cycles) -> Option<Event> {
+pub(crate) fn parse(kind: Kind, frame: &[u8], arrival: Cycles, busy_us: u32) -> Option<Event> {
     // Class and id are constants in each call, so that only this packet of `ublox`'s table is
     // compiled.
     match kind {
@@ -92,6 +103,7 @@ pub(crate) fn parse(kind: Kind, frame: &[u8], arrival: Cycles) -> Option<Event> 
             Some(Event::NavPvt {
                 mark: TimeMark {
                     arrival,
+                    busy_us,
                     epoch: CivilTime {
                         year: pvt.year(),
                         month: pvt.month(),
@@ -129,13 +141,32 @@ pub(crate) fn parse(kind: Kind, frame: &[u8], arrival: Cycles) -> Option<Event> 
             let PacketRef::TimTp(tp) = Proto23::match_packet(0x0d, 0x01, payload).ok()? else {
                 return None;
             };
-            let known = payload.get(TIM_TP_FLAGS)? & QUANTISATION_UNKNOWN == 0;
-            known.then(|| {
-                Event::TimTp(PulseForecast {
-                    arrival,
-                    late_ps: tp.q_err().saturating_neg(),
-                })
-            })
+            let flags = *payload.get(TIM_TP_FLAGS)?;
+            Some(Event::TimTp(PulseForecast {
+                arrival,
+                busy_us,
+                late_ps: (flags & QUANTISATION_UNKNOWN == 0).then(|| tp.q_err().saturating_neg()),
+                tow_ms: u32::from_le_bytes(*payload.first_chunk()?),
+                week: u16::from_le_bytes(*payload.get(12..)?.first_chunk()?),
+                is_utc_base: flags & TIM_TP_UTC_BASE != 0,
+                is_utc_available: flags & TIM_TP_UTC_AVAILABLE != 0,
+            }))
+        }
+        Kind::NavTimeLs => {
+            let payload = payload::<NAV_TIMELS_PAYLOAD_LEN>(frame)?;
+            let valid = *payload.get(23)?;
+            let in_s = i32::from_le_bytes(*payload.get(12..)?.first_chunk()?);
+            let event = LeapEvent {
+                change: payload.get(11)?.cast_signed(),
+                in_s,
+            };
+            Some(Event::LeapSeconds(LeapSeconds {
+                arrival,
+                busy_us,
+                source: *payload.get(8)?,
+                count: (valid & LEAP_COUNT_VALID != 0).then_some(payload.get(9)?.cast_signed()),
+                event: (valid & LEAP_EVENT_VALID != 0).then_some(event),
+            }))
         }
         Kind::Ack => {
             let payload = payload::<ACK_PAYLOAD_LEN>(frame)?;

@@ -20,6 +20,8 @@ pub(crate) const NAV_PVT_PAYLOAD_LEN: usize = 92;
 pub(crate) const ACK_PAYLOAD_LEN: usize = 2;
 /// Payload of a TIM-TP, in bytes (the same).
 pub(crate) const TIM_TP_PAYLOAD_LEN: usize = 16;
+/// Payload of a NAV-TIMELS, in bytes (the same).
+pub(crate) const NAV_TIMELS_PAYLOAD_LEN: usize = 24;
 /// The longest frame that we use, in bytes.
 pub(crate) const LONGEST: usize = NAV_PVT_PAYLOAD_LEN + OVERHEAD;
 /// The shortest frame that we use, in bytes.
@@ -33,6 +35,7 @@ pub(crate) const SYNC_2: u8 = 0x62;
 pub(crate) enum Kind {
     NavPvt,
     TimTp,
+    NavTimeLs,
     Ack,
     Nak,
 }
@@ -43,6 +46,7 @@ impl Kind {
         match self {
             Self::NavPvt => LONGEST,
             Self::TimTp => TIM_TP_PAYLOAD_LEN + OVERHEAD,
+            Self::NavTimeLs => NAV_TIMELS_PAYLOAD_LEN + OVERHEAD,
             Self::Ack | Self::Nak => SHORTEST,
         }
     }
@@ -70,6 +74,7 @@ impl Header {
         // Class, id and length are compared as one word, class and id as half.
         const NAV_PVT: u32 = u32::from_le_bytes([0x01, 0x07, NAV_PVT_PAYLOAD_LEN as u8, 0]);
         const TIM_TP: u32 = u32::from_le_bytes([0x0d, 0x01, TIM_TP_PAYLOAD_LEN as u8, 0]);
+        const NAV_TIMELS: u32 = u32::from_le_bytes([0x01, 0x26, NAV_TIMELS_PAYLOAD_LEN as u8, 0]);
         const ACK: u32 = u32::from_le_bytes([0x05, 0x01, ACK_PAYLOAD_LEN as u8, 0]);
         const NAK: u32 = u32::from_le_bytes([0x05, 0x00, ACK_PAYLOAD_LEN as u8, 0]);
         const MESSAGE: u32 = 0xffff;
@@ -82,9 +87,10 @@ impl Header {
         match u32::from_le_bytes(*word) {
             NAV_PVT => Self::Ours(Kind::NavPvt),
             TIM_TP => Self::Ours(Kind::TimTp),
+            NAV_TIMELS => Self::Ours(Kind::NavTimeLs),
             ACK => Self::Ours(Kind::Ack),
             NAK => Self::Ours(Kind::Nak),
-            word if [NAV_PVT, TIM_TP, ACK, NAK]
+            word if [NAV_PVT, TIM_TP, NAV_TIMELS, ACK, NAK]
                 .iter()
                 .any(|ours| (word ^ ours) & MESSAGE == 0) =>
             {

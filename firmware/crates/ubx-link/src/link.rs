@@ -40,6 +40,8 @@ pub struct LinkCounters {
     pub nav_pvts: u32,
     /// Good frames: TIM-TP.
     pub tim_tps: u32,
+    /// Good frames: NAV-TIMELS.
+    pub nav_timels: u32,
     /// Good frames: ACK-ACK.
     pub acks: u32,
     /// Good frames: ACK-NAK.
@@ -102,6 +104,7 @@ impl Link {
             counters: LinkCounters {
                 nav_pvts: 0,
                 tim_tps: 0,
+                nav_timels: 0,
                 acks: 0,
                 naks: 0,
                 bad_checksums: 0,
@@ -216,12 +219,14 @@ impl Link {
             kind,
             self.window.held(),
             stamp.extend(now.plus(AHEAD.into())),
+            micros(self.window.busy()),
         );
         let counters = &mut self.counters;
         let counter = match kind {
             _ if event.is_none() => &mut counters.refused,
             Kind::NavPvt => &mut counters.nav_pvts,
             Kind::TimTp => &mut counters.tim_tps,
+            Kind::NavTimeLs => &mut counters.nav_timels,
             Kind::Ack => &mut counters.acks,
             Kind::Nak => &mut counters.naks,
         };
@@ -278,7 +283,7 @@ impl Sums {
             }
             // The reading ahead may already be beyond their ends. They are short, so they are
             // summed again.
-            Kind::TimTp | Kind::Ack | Kind::Nak => {
+            Kind::TimTp | Kind::NavTimeLs | Kind::Ack | Kind::Nak => {
                 let start = Fletcher::START;
                 start.then_all(summed).since(start, summed.len())
             }
@@ -296,6 +301,11 @@ impl Sums {
         self.length = self.length.saturating_sub(1);
         rest
     }
+}
+
+/// Whole µs, as far as 32 bits reach.
+fn micros(cycles: u64) -> u32 {
+    u32::try_from(Cycles(cycles).as_micros()).unwrap_or(u32::MAX)
 }
 
 /// Adds to a counter.

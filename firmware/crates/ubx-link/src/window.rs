@@ -6,7 +6,7 @@
 //! *Limits.* It takes only what it has room for. It has room as long as it holds
 //! less than a longest frame.
 
-use timebase::{Stamp, StampedByte};
+use timebase::{CORE_HZ, Stamp, StampedByte};
 
 /// The most bytes that are held.
 pub(crate) const CAPACITY: usize = 512;
@@ -19,6 +19,9 @@ pub(crate) struct Window {
     /// The held bytes are `start..end`.
     start: usize,
     end: usize,
+    /// The last byte that was removed, and for how long the line had been busy by then. [cycles]
+    last: Option<Stamp>,
+    busy: u64,
 }
 
 impl Window {
@@ -28,6 +31,8 @@ impl Window {
             stamps: [Stamp(0); CAPACITY],
             start: 0,
             end: 0,
+            last: None,
+            busy: 0,
         }
     }
 
@@ -71,9 +76,24 @@ impl Window {
         taken
     }
 
+    /// For how long the line had been busy without a gap when the oldest byte came. [cycles]
+    #[inline]
+    pub(crate) fn busy(&self) -> u64 {
+        match (self.stamp(0), self.last) {
+            (Some(stamp), Some(last)) if self.len() > 0 => busy_after(self.busy, last, stamp),
+            _ => 0,
+        }
+    }
+
     /// Removes the `length` oldest bytes, or all.
     #[inline]
     pub(crate) fn give_up(&mut self, length: usize) {
+        let until = self.start.saturating_add(length).min(self.end);
+        for stamp in self.stamps.get(self.start..until).unwrap_or_default() {
+            if let Some(last) = self.last.replace(*stamp) {
+                self.busy = busy_after(self.busy, last, *stamp);
+            }
+        }
         self.start = self.start.wrapping_add(length);
         if self.start >= self.end {
             (self.start, self.end) = (0, 0);
@@ -85,6 +105,22 @@ impl Window {
         move_to_front(&mut self.bytes, self.start, self.end);
         move_to_front(&mut self.stamps, self.start, self.end);
         (self.start, self.end) = (0, self.len());
+    }
+}
+
+/// A pause from byte to byte that is longer than this is a gap: two byte times at 115200 baud, and
+/// the one that the byte itself takes. At a lower rate every byte seems to follow one: nothing is
+/// claimed of a line that is not yet configured. [cycles]
+const GAP: u32 = CORE_HZ / 11_520 * 3;
+
+/// For how long the line has been busy at a byte, from what it was at the byte before.
+#[inline]
+fn busy_after(busy: u64, last: Stamp, stamp: Stamp) -> u64 {
+    let since = stamp.0.wrapping_sub(last.0);
+    if since > GAP {
+        0
+    } else {
+        busy.saturating_add(since.into())
     }
 }
 

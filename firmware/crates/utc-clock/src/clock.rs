@@ -25,7 +25,7 @@
 
 use core::cmp::Ordering;
 
-use timebase::{CORE_HZ, ClockState, Cycles, PulseForecast, PulseMark, TimeMark};
+use timebase::{CORE_HZ, ClockState, Cycles, LeapSeconds, PulseEdge, PulseForecast, TimeMark};
 
 use crate::counters::{Counters, bump};
 use crate::discipline::{Correction, Course, Discipline, Observation};
@@ -38,12 +38,25 @@ use crate::refusal::{PulseRefusal, Refusal};
 use crate::settings::Settings;
 use crate::utc::{Ppb, UtcNanos};
 
-/// Without a mark for so long the clock is in holdover: 2 s.
+/// Without a mark for so long the clock is in holdover: 2 s, or 3.5 periods of a receiver that
+/// speaks more seldom.
 const HOLDOVER_AFTER: u64 = 2 * CORE_HZ as u64;
+
+/// One mark may be lost, and the next be late. In halves of a period.
+const HOLDOVER_HALF_PERIODS: u64 = 7;
+
+/// A receiver that speaks more seldom than each 3 s is one that is silent. [cycles]
+const LONGEST_PERIOD: u64 = 3 * CORE_HZ as u64;
 
 /// From pulse to pulse is a second; without the next one the line is told anew after so long, in
 /// cycles: 1.25 s. Its straight line of uncertainty is near the curve that it stands for.
 const PULSE_LASTS: u64 = CORE_HZ as u64 * 5 / 4;
+
+/// A pulse that has not come by then will not, in cycles: 1.2 s.
+const PULSE_LATE: i64 = CORE_HZ as i64 * 6 / 5;
+
+/// Without a pulse for so long the messages are what confirms the clock, in cycles: 3.5 s.
+const PULSE_LOST: i64 = CORE_HZ as i64 * 7 / 2;
 
 /// The line is told from a new origin at least so often: 10 s, well within the
 /// 25.5 s in which a reading takes the short way.
@@ -59,16 +72,13 @@ const SETTLING: u64 = 30 * CORE_HZ as u64;
 /// An error that is slewed away in a quarter of a second is not worth a step: 100 µs.
 const LEAST_STEP_NS: i64 = 100_000;
 
-/// A pulse's word about itself ([`PulseForecast`]) holds for the pulse of the next second.
-const FORECAST_LASTS: u64 = CORE_HZ as u64;
-
 const CYCLES_PER_MS: u64 = CORE_HZ as u64 / 1_000;
 
 /// Cycles in which [`UtcClock::MAX_SLEW`] absorbs one ns.
 const CYCLES_PER_NS_AT_MAX_SLEW: u64 = CORE_HZ as u64 / UtcClock::MAX_SLEW.0 as u64;
 
-/// How the uncertainty grows while the crystal is refused, in ppb: 1 %.
-const BROKEN_PPB: f32 = 1e7;
+/// A clock that may be farther off has lost its second. [ns]
+const LOST_SECOND_NS: u64 = 500_000_000;
 
 /// What [`UtcClock::MAX_SLEW`] absorbs until holdover begins, in ns.
 const MOST_ABSORBED_NS: u32 =
@@ -91,12 +101,19 @@ pub struct UtcClock<'a> {
     unabsorbed_ns: u32,
     uncertainty: Uncertainty,
     latency_uncertainty_ns: u32,
+    turned_ppb: f32,
+    /// What the line says of the second: how far it may be off, in ns, and whether it is proved.
+    second: (u64, bool),
+    /// Unset, set or in holdover, whatever the second.
+    state: ClockState,
     set_at: Cycles,
+    /// From mark to mark, the least of late, in cycles.
+    period: u64,
     /// The last mark or pulse that was believed.
     last_accepted: Cycles,
+    last_pulse: Cycles,
     steered_by: Source,
     last_epoch: UtcNanos,
-    forecast: Option<PulseForecast>,
     counters: Counters,
 }
 
@@ -120,6 +137,7 @@ impl<'a> UtcClock<'a> {
         Self {
             gate: Gate {
                 require_confirmed: settings.require_confirmed,
+                date_floor: settings.date_floor,
             },
             discipline: Discipline::new(&settings),
             model: ClockModel::BOOT,
@@ -135,17 +153,20 @@ impl<'a> UtcClock<'a> {
                 frequency_ppb: 0.0,
             },
             latency_uncertainty_ns: 0,
+            turned_ppb: 0.0,
+            second: (u64::MAX, false),
+            state: ClockState::Unset,
             set_at: Cycles::BOOT,
+            period: 0,
             last_accepted: Cycles::BOOT,
+            last_pulse: Cycles::BOOT,
             steered_by: Source::Nothing,
             last_epoch: UtcNanos(i64::MIN),
-            forecast: None,
             counters: Counters::default(),
         }
     }
 
-    /// Hears a mark, at most `MAX_AGE` after its arrival.
-    #[inline]
+    /// Takes a mark, at most [`MAX_AGE`] after its arrival.
     pub fn handle_mark(&mut self, mark: &TimeMark, now: Cycles) -> Outcome {
         let outcome = match self.admit(mark, now) {
             Ok(epoch) => self.follow(mark, epoch, now),
@@ -155,22 +176,47 @@ impl<'a> UtcClock<'a> {
             Outcome::Refused(refusal) => self.counters.count_refusal(refusal),
             _ => bump(&mut self.counters.accepted),
         }
+        self.publish_second(now);
         outcome
     }
 
-    /// Hears a pulse, at most `MAX_AGE` after its edge.
-    #[inline]
-    pub fn handle_pulse(&mut self, pulse: &PulseMark, now: Cycles) -> PulseOutcome {
-        let outcome = self.follow_pulse(pulse, now);
+    /// Takes an edge of the pulse's wire, at most [`MAX_AGE`] after it.
+    #[inline(never)] // The bench counts its calls.
+    pub fn handle_edge(&mut self, edge: &PulseEdge, now: Cycles) -> PulseOutcome {
+        let outcome = self.follow_edge(edge, now);
         if let PulseOutcome::Refused(refusal) = outcome {
             self.counters.count_pulse_refusal(refusal);
         }
         outcome
     }
 
-    /// Hears what the receiver says about its next pulse.
-    pub const fn handle_forecast(&mut self, forecast: &PulseForecast) {
-        self.forecast = Some(*forecast);
+    /// Takes what the receiver says about its next pulse.
+    pub fn handle_forecast(&mut self, forecast: &PulseForecast) {
+        if self.discipline.handle_forecast(forecast) {
+            bump(&mut self.counters.pulse_q_err);
+        }
+    }
+
+    /// Takes an answer to NAV-TIMELS.
+    pub fn handle_leap_seconds(&mut self, told: &LeapSeconds, now: Cycles) {
+        let utc = (self.state != ClockState::Unset).then(|| self.model.utc_at(told.arrival));
+        self.discipline.handle_leap_seconds(told, utc);
+        self.publish_second(now);
+    }
+
+    /// The receiver has acknowledged that its pulse is high for `width_us` from the top of the
+    /// second on; `None` while it has acknowledged none, so that no pulse is its. [µs]
+    pub fn handle_pulse_width(&mut self, width_us: Option<u32>) {
+        self.discipline.handle_pulse_width(width_us);
+    }
+
+    /// Whether the receiver is to be asked for NAV-TIMELS now: each 10 s until the leap count is
+    /// believed and the second proved, then each 600 s, around an announced leap second, and at
+    /// once when the second is contradicted. To be called at each wake-up;
+    /// [`Self::poll_timeout`] does not wait for it.
+    pub fn poll_leap_seconds(&mut self, now: Cycles) -> bool {
+        let utc = self.model.utc_at(now);
+        self.discipline.second_mut().poll_ask(now, utc)
     }
 
     /// Does what is due: ends a slew, begins holdover, tells the line anew.
@@ -184,7 +230,7 @@ impl<'a> UtcClock<'a> {
         if self.slew_ends <= now.plus(Self::LEAD) {
             self.end_slew();
         }
-        if line.quality.state == ClockState::Set && self.holdover_begins() <= now {
+        if self.state == ClockState::Set && self.holdover_begins() <= now {
             // The last mark's opinion is not worth more than this.
             self.end_slew();
             if let Some(frequency) = self.discipline.steady_frequency() {
@@ -193,8 +239,18 @@ impl<'a> UtcClock<'a> {
                 self.uncertainty.frequency_ppb += apart_ppb.unsigned_abs() as f32;
                 self.frequency = frequency;
             }
-            line.quality.state = ClockState::Holdover;
+            self.state = ClockState::Holdover;
             bump(&mut self.counters.holdovers);
+        }
+        if self.steered_by == Source::Pulse && now.since(self.last_pulse) > PULSE_LOST {
+            self.steered_by = Source::Message;
+        }
+        if self.leap_begins().is_some_and(|at| at <= now)
+            && let Some(by_ns) = self.discipline.take_leap_event()
+        {
+            line.base = line.base.plus_nanos(by_ns);
+            self.last_epoch = self.last_epoch.plus_nanos(by_ns);
+            self.count_step(by_ns);
         }
         self.steer(&line, now);
     }
@@ -203,14 +259,30 @@ impl<'a> UtcClock<'a> {
     #[must_use]
     #[inline]
     pub fn poll_timeout(&self) -> Cycles {
-        let mut due = self.model.at.plus(self.lasts(self.model.quality.state));
+        let mut due = self.model.at.plus(self.lasts());
         if self.slew != Ppb(0) {
             due = due.min(Cycles(self.slew_ends.0.saturating_sub(Self::LEAD)));
         }
-        if self.model.quality.state == ClockState::Set {
+        if self.state == ClockState::Set {
             due = due.min(self.holdover_begins());
         }
+        if let Some(at) = self.leap_begins() {
+            due = due.min(at);
+        }
         due.max(self.before_at)
+    }
+
+    /// When the step of an announced leap second has to be on its way, if that is near.
+    fn leap_begins(&self) -> Option<Cycles> {
+        let left_ns = self.discipline.second().event_due()?.since(self.model.base);
+        let left_us = u64::try_from(left_ns / 1_000).unwrap_or(0);
+        Some(Cycles(
+            self.model
+                .at
+                .plus(Cycles::from_micros(left_us).0)
+                .0
+                .saturating_sub(Self::LEAD),
+        ))
     }
 
     /// When the newest change of course begins, or began: [`Self::LEAD`] after the call that
@@ -242,9 +314,9 @@ impl<'a> UtcClock<'a> {
     #[must_use]
     #[inline]
     pub fn source(&self) -> Source {
-        match self.model.quality.state {
+        match self.state {
             ClockState::Set => self.steered_by,
-            ClockState::Unset | ClockState::Holdover => Source::Nothing,
+            _ => Source::Nothing,
         }
     }
 
@@ -259,6 +331,7 @@ impl<'a> UtcClock<'a> {
             return Err(Refusal::Backlog);
         }
         let before = core::mem::replace(&mut self.last_epoch, epoch);
+        self.note_period(epoch.since(before));
         match epoch.cmp(&before) {
             Ordering::Greater => Ok(epoch),
             Ordering::Equal => Err(Refusal::DuplicateEpoch),
@@ -266,25 +339,30 @@ impl<'a> UtcClock<'a> {
         }
     }
 
-    #[inline]
+    /// How long a receiver takes from mark to mark, so that one that is lost is no alarm.
+    fn note_period(&mut self, gap_ns: i64) {
+        let gap_us = u64::try_from(gap_ns.clamp(0, 10_000_000_000) / 1_000).unwrap_or(0);
+        let gap = Cycles::from_micros(gap_us).0;
+        if gap > 0 {
+            self.period = gap
+                .min(self.period.saturating_add(self.period / 4))
+                .max(CORE_HZ as u64 / 100)
+                .min(LONGEST_PERIOD);
+        }
+    }
+
     fn follow(&mut self, mark: &TimeMark, epoch: UtcNanos, now: Cycles) -> Outcome {
         let mut line = self.line_from(mark.arrival);
         line.quality.leap_seconds_known = mark.validity.leap_seconds_known;
-        let heard = Observation {
-            at: mark.arrival,
-            published: line.base,
-        };
-        let correction = match self.discipline.handle_mark(&heard, epoch, mark.t_acc_ns) {
-            Ok(correction) => correction,
-            Err(refusal) => {
-                if refusal == Refusal::Crystal && line.quality.state != ClockState::Unset {
-                    // Nobody knows the frequency, so that the uncertainty has to grow like that.
-                    self.uncertainty.frequency_ppb = BROKEN_PPB;
-                    self.steer(&line, now);
-                }
-                return Outcome::Refused(refusal);
-            }
-        };
+        let heard = self.observe(mark.arrival, &line);
+        let correction =
+            match self
+                .discipline
+                .handle_mark(&heard, epoch, mark.t_acc_ns, mark.busy_us)
+            {
+                Ok(correction) => correction,
+                Err(refusal) => return Outcome::Refused(refusal),
+            };
         let outcome = match correction {
             Correction::First(course) => {
                 line.fraction = 0;
@@ -303,77 +381,119 @@ impl<'a> UtcClock<'a> {
                     error_ns: course.error_ns,
                 }
             }
+            Correction::Renumber(by_ns) => {
+                self.last_accepted = mark.arrival;
+                line.base = line.base.plus_nanos(by_ns);
+                self.count_step(by_ns);
+                self.steer(&line, now);
+                return Outcome::Stepped { by_ns };
+            }
             Correction::Nothing => {
                 self.last_accepted = mark.arrival;
                 return Outcome::Confirmed;
             }
         };
-        line.quality.state = ClockState::Set;
+        self.state = ClockState::Set;
         self.last_accepted = mark.arrival;
         self.steered_by = Source::Message;
         self.steer(&line, now);
         outcome
     }
 
-    #[inline]
-    fn follow_pulse(&mut self, pulse: &PulseMark, now: Cycles) -> PulseOutcome {
-        if self.model.quality.state == ClockState::Unset {
-            return PulseOutcome::Refused(PulseRefusal::Unnumbered);
-        }
-        if !is_recent(pulse.edge, now) {
+    fn follow_edge(&mut self, edge: &PulseEdge, now: Cycles) -> PulseOutcome {
+        if !is_recent(edge.at, now) {
             return PulseOutcome::Refused(PulseRefusal::Stamp);
         }
         if self.is_crowded(now) {
             return PulseOutcome::Refused(PulseRefusal::Backlog);
         }
-        let late_ns = self.forecast_for(pulse);
-        let mut line = self.line_from(pulse.edge);
-        let heard = Observation {
-            at: pulse.edge,
-            published: line.base,
+        let model = self.model;
+        let (uncertainty, rest_ns) = (
+            self.uncertainty,
+            self.unabsorbed_ns
+                .saturating_add(self.latency_uncertainty_ns),
+        );
+        let is_set = self.state != ClockState::Unset;
+        let observe = |at: Cycles| Observation {
+            at,
+            published: model.utc_at(at),
+            uncertainty_ns: is_set.then(|| uncertainty.at(at) + rest_ns as f32),
         };
-        let outcome = match self.discipline.handle_pulse(&heard, late_ns) {
-            Ok(Correction::First(course)) if course.error_ns > LEAST_STEP_NS => {
+        let (correction, rise) = match self.discipline.handle_edge(edge, observe) {
+            Ok(heard) => heard,
+            Err(refusal) => return PulseOutcome::Refused(refusal),
+        };
+        let mut line = self.line_from(rise);
+        let correction = self.at_begin(correction, rise, now);
+        let outcome = match correction {
+            Correction::First(course) if course.error_ns.abs() > LEAST_STEP_NS => {
                 self.step(&mut line, &course);
                 PulseOutcome::Stepped {
                     by_ns: course.error_ns,
                 }
             }
-            Ok(
-                Correction::First(course) | Correction::Follow(course) | Correction::Step(course),
-            ) => {
+            Correction::First(course) | Correction::Follow(course) | Correction::Step(course) => {
                 self.absorb(&course, now);
                 PulseOutcome::Slewed {
                     error_ns: course.error_ns,
                 }
             }
-            Ok(Correction::Nothing) => return PulseOutcome::Candidate,
-            Err(refusal) => return PulseOutcome::Refused(refusal),
+            Correction::Renumber(_) | Correction::Nothing => return PulseOutcome::Candidate,
         };
         if self.steered_by != Source::Pulse {
             bump(&mut self.counters.pulse_locks);
         }
         bump(&mut self.counters.pulses);
-        line.quality.state = ClockState::Set;
-        self.last_accepted = pulse.edge;
+        self.state = ClockState::Set;
+        self.last_accepted = rise;
+        self.last_pulse = rise;
         self.steered_by = Source::Pulse;
         self.steer(&line, now);
         outcome
     }
 
-    /// By how much the receiver says that this pulse is late, in ns.
-    #[inline]
-    fn forecast_for(&mut self, pulse: &PulseMark) -> i32 {
-        let Some(forecast) = self.forecast.take() else {
-            return 0;
+    /// A pulse is known by its fall, so that what it says holds from a tenth of a second after its
+    /// rise on: by then a clock of the wrong frequency has moved.
+    fn at_begin(&self, correction: Correction, rise: Cycles, now: Cycles) -> Correction {
+        let moved = |course: Course| {
+            let passed = now.plus(Self::LEAD).max(self.model.at).since(rise);
+            let faster = i64::from(model::mult(course.frequency)) - i64::from(self.model.mult);
+            let by_ns = faster.saturating_mul(passed) >> model::SHIFT;
+            Course {
+                error_ns: course.error_ns.saturating_add(by_ns),
+                ..course
+            }
         };
-        let after = pulse.edge.since(forecast.arrival);
-        if (0..=FORECAST_LASTS.cast_signed()).contains(&after) {
-            // Rounded to the nearest: by a reciprocal of 2⁻³² steps, exact for what fits a µs.
-            let late_ps = i64::from(forecast.late_ps.clamp(-1_000_000, 1_000_000));
-            ((late_ps * ((1 << 32) / 1_000) + (1 << 31)) >> 32) as i32
-        } else {
-            0
+        match correction {
+            Correction::First(course) => Correction::First(moved(course)),
+            Correction::Follow(course) => Correction::Follow(moved(course)),
+            Correction::Step(course) => Correction::Step(moved(course)),
+            Correction::Renumber(_) | Correction::Nothing => correction,
+        }
+    }
+
+    /// The clock as something that happened finds it.
+    fn observe(&self, at: Cycles, line: &ClockModel) -> Observation {
+        let rest_ns = self
+            .unabsorbed_ns
+            .saturating_add(self.latency_uncertainty_ns);
+        Observation {
+            at,
+            published: line.base,
+            uncertainty_ns: (self.state != ClockState::Unset)
+                .then(|| self.uncertainty.at(at) + rest_ns as f32),
+        }
+    }
+
+    /// Tells the line anew where something is known about the second that it does not say.
+    fn publish_second(&mut self, now: Cycles) {
+        let utc = self.model.utc_at(now);
+        self.discipline.second_mut().tie_event(now, utc);
+        let second = self.discipline.second();
+        let news = (second.uncertainty_ns(), second.is_proved());
+        if news != self.second && self.state != ClockState::Unset && !self.is_crowded(now) {
+            let line = self.line_from(now);
+            self.steer(&line, now);
         }
     }
 
@@ -392,7 +512,10 @@ impl<'a> UtcClock<'a> {
 
     #[inline]
     fn may_step(&self, course: &Course, now: Cycles) -> bool {
-        course.error_ns > LEAST_STEP_NS && now < self.set_at.plus(SETTLING)
+        // Nobody has been promised a second before one is proved.
+        let is_worth_it = course.error_ns > LEAST_STEP_NS
+            || (course.error_ns < -LEAST_STEP_NS && self.discipline.second().is_open());
+        is_worth_it && now < self.set_at.plus(SETTLING)
     }
 
     #[inline]
@@ -401,21 +524,29 @@ impl<'a> UtcClock<'a> {
         self.slew = Ppb(0);
         self.unabsorbed_ns = 0;
         line.base = line.base.plus_nanos(course.error_ns);
-        if line.quality.state != ClockState::Unset {
-            bump(if course.error_ns > 0 {
-                &mut self.counters.steps_forward
-            } else {
-                &mut self.counters.steps_back
-            });
+        if self.state != ClockState::Unset {
+            self.count_step(course.error_ns);
         }
         Outcome::Stepped {
             by_ns: course.error_ns,
         }
     }
 
+    fn count_step(&mut self, by_ns: i64) {
+        bump(if by_ns > 0 {
+            &mut self.counters.steps_forward
+        } else {
+            &mut self.counters.steps_back
+        });
+    }
+
     /// Sets the slew that absorbs an error.
     #[inline]
     fn absorb(&mut self, course: &Course, now: Cycles) {
+        let before_ns = self.uncertainty.at(course.uncertainty.at)
+            + self
+                .unabsorbed_ns
+                .saturating_add(self.latency_uncertainty_ns) as f32;
         self.take(course);
         let error_ns = course.error_ns.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
         let most = error_ns.unsigned_abs().min(2_000_000);
@@ -423,7 +554,15 @@ impl<'a> UtcClock<'a> {
         let rate = most * 1_000 / course.absorb_ms.max(1);
         let slew = rate.min(Self::MAX_SLEW.0.unsigned_abs()).cast_signed();
         self.slew = Ppb(if error_ns < 0 { -slew } else { slew });
-        self.unabsorbed_ns = error_ns.unsigned_abs();
+        // Until then the clock is no farther off than it was, if what it said was true.
+        let news_ns = course.uncertainty.phase_ns + course.latency_uncertainty_ns as f32;
+        let left_ns = error_ns.unsigned_abs() as f32;
+        let most_ns = if left_ns > before_ns {
+            left_ns
+        } else {
+            (before_ns - news_ns).max(0.0)
+        };
+        self.unabsorbed_ns = left_ns.min(most_ns) as u32;
         let least = u64::from(course.absorb_ms) * CYCLES_PER_MS;
         let needed = u64::from(error_ns.unsigned_abs()) * CYCLES_PER_NS_AT_MAX_SLEW;
         self.slew_ends = now
@@ -443,6 +582,7 @@ impl<'a> UtcClock<'a> {
         self.frequency = course.frequency;
         self.uncertainty = course.uncertainty;
         self.latency_uncertainty_ns = course.latency_uncertainty_ns;
+        self.turned_ppb = course.turned_ppb;
     }
 
     /// Whether the line has no room for a change of course: it keeps three models, and with two
@@ -462,7 +602,7 @@ impl<'a> UtcClock<'a> {
             mult: model::mult(rate),
             ..line.rebased(at)
         };
-        if model.quality.state != ClockState::Unset {
+        if self.state != ClockState::Unset {
             self.appraise(&mut model);
         }
         self.before_at = self.model.at;
@@ -472,31 +612,47 @@ impl<'a> UtcClock<'a> {
 
     /// Writes the uncertainty into a model: what it is where that begins, and a straight line that is
     /// above it until the model is replaced.
-    #[inline]
-    fn appraise(&self, model: &mut ClockModel) {
-        let lasts = self.lasts(model.quality.state);
+    fn appraise(&mut self, model: &mut ClockModel) {
+        let second = self.discipline.second();
+        self.second = (second.uncertainty_ns(), second.is_proved());
+        if self.turned_ppb > 0.0 && model.at.since(self.last_pulse) > PULSE_LATE {
+            self.uncertainty.frequency_ppb += core::mem::take(&mut self.turned_ppb);
+        }
+        let lasts = self.lasts();
         let begins_ns = self.uncertainty.at(model.at);
         let ends_ns = self.uncertainty.at(model.at.plus(lasts));
         let lasts_s = lasts as f32 * (1.0 / CORE_HZ as f32);
-        model.quality.uncertainty_ns = (begins_ns as u32)
+        let phase_ns = (begins_ns as u64)
             .saturating_add(1)
-            .saturating_add(self.unabsorbed_ns)
-            .saturating_add(self.latency_uncertainty_ns);
+            .saturating_add(self.unabsorbed_ns.into())
+            .saturating_add(self.latency_uncertainty_ns.into());
+        let (second_ns, is_proved) = self.second;
+        model.quality.uncertainty_ns = phase_ns.saturating_add(second_ns);
+        model.quality.state = if is_proved && phase_ns < LOST_SECOND_NS {
+            self.state
+        } else {
+            ClockState::Unproved
+        };
         let growth_ppb = libm::ceilf((ends_ns - begins_ns) / lasts_s) as i32;
         model.quality.growth = model::growth(Ppb(growth_ppb));
     }
 
     /// For how long a model is published at most before it is told anew, with the uncertainty of then.
-    const fn lasts(&self, state: ClockState) -> u64 {
-        match (state, self.steered_by) {
+    const fn lasts(&self) -> u64 {
+        match (self.state, self.steered_by) {
             (ClockState::Set, Source::Pulse) => PULSE_LASTS,
             (ClockState::Set, _) => HOLDOVER_AFTER,
-            (ClockState::Unset | ClockState::Holdover, _) => REBASE_AFTER,
+            _ => REBASE_AFTER,
         }
     }
 
-    const fn holdover_begins(&self) -> Cycles {
-        self.last_accepted.plus(HOLDOVER_AFTER)
+    fn holdover_begins(&self) -> Cycles {
+        let period = match self.steered_by {
+            Source::Pulse => CORE_HZ.into(),
+            _ => self.period,
+        };
+        let after = (HOLDOVER_HALF_PERIODS * period / 2).max(HOLDOVER_AFTER);
+        self.last_accepted.plus(after)
     }
 }
 

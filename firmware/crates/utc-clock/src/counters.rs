@@ -51,14 +51,18 @@ pub struct Counters {
     pub early: u32,
     /// [`Refusal::Drift`].
     pub drift: u32,
-    /// [`Refusal::Crystal`].
-    pub crystal: u32,
+    /// [`Refusal::Waited`].
+    pub waited: u32,
     /// Pulses that were followed.
     pub pulses: u32,
     /// Times that the pulse began to be followed.
     pub pulse_locks: u32,
     /// [`PulseRefusal::Unnumbered`].
     pub pulse_unnumbered: u32,
+    /// [`PulseRefusal::Width`].
+    pub pulse_width: u32,
+    /// [`PulseRefusal::Unproved`].
+    pub pulse_unproved: u32,
     /// [`PulseRefusal::OffSecond`].
     pub pulse_off_second: u32,
     /// [`PulseRefusal::OffLine`].
@@ -69,6 +73,10 @@ pub struct Counters {
     pub pulse_stamp: u32,
     /// [`PulseRefusal::Backlog`].
     pub pulse_backlog: u32,
+    /// A qErr that no receiver can have, in a TIM-TP.
+    pub pulse_q_err: u32,
+    /// Times that the second was contradicted.
+    pub contradictions: u32,
 }
 
 impl Counters {
@@ -92,7 +100,7 @@ impl Counters {
             self.late,
             self.early,
             self.drift,
-            self.crystal,
+            self.waited,
         ]
         .into_iter()
         .fold(0, u32::wrapping_add)
@@ -116,7 +124,7 @@ impl Counters {
             Refusal::Late => &mut self.late,
             Refusal::Early => &mut self.early,
             Refusal::Drift => &mut self.drift,
-            Refusal::Crystal => &mut self.crystal,
+            Refusal::Waited => &mut self.waited,
         };
         bump(field);
     }
@@ -124,6 +132,8 @@ impl Counters {
     pub(crate) const fn count_pulse_refusal(&mut self, refusal: PulseRefusal) {
         bump(match refusal {
             PulseRefusal::Unnumbered => &mut self.pulse_unnumbered,
+            PulseRefusal::Width => &mut self.pulse_width,
+            PulseRefusal::Unproved => &mut self.pulse_unproved,
             PulseRefusal::OffSecond => &mut self.pulse_off_second,
             PulseRefusal::OffLine => &mut self.pulse_off_line,
             PulseRefusal::Doubled => &mut self.pulse_doubled,

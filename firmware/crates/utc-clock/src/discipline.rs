@@ -1,66 +1,75 @@
-//! The discipline: what marks and pulses say about the clock's error.
+//! The discipline: what marks and pulses prove about the clock.
 //!
-//! *Purpose.* Between the two estimators and the clock: which of them is to be believed,
-//! and whether a mark may be heard at all.
+//! *Purpose.* Between the estimators and the clock: which second, where in the second, how fast,
+//! each by its own evidence, and how far off each may be.
 //!
-//! *Design.* The [envelope](crate::envelope) of the messages and the [pulse](crate::pulse) are
-//! followed side by side, both on the board's own counter. Whichever has the smaller uncertainty steers.
-//! Under a pulse the messages are not idle: they confirm it, and the latency between the two is
-//! learnt. When the pulse is lost the clock runs on with what it taught, until its uncertainty has grown
-//! beyond the messages'; so nothing jumps, neither then nor when it comes back.
+//! *Design.* See the crate's documentation for the table of detectors.
 //!
-//! A mark that is farther from the clock than [`OUTLIER_NS`] is a stall, a backlog or a jump:
-//! it is refused, until [`AGREEING`] of them in a row say the same to within
-//! [`AGREEMENT_NS`]; then the clock is wrong and has to step. Of those the least late, the
-//! largest, tells by how much.
+//! *Which second* is [`Second`]'s. *Where in the second* is told by the [pulse](crate::train) that
+//! is proved, else by the crystal as the last one left it, as long as that is better than the
+//! messages, else by the [floor](crate::envelope) of the messages. Marks number a pulse and never
+//! outvote it: when their floor moves under it, or under a crystal that knows better, what is
+//! learnt anew is the latency. *How fast* is the pulse's frequency while one is followed, for the
+//! messages' line as well.
 //!
-//! A receiver whose time drifts away is told from a crystal by what crystals can do: an
-//! `DriftGuard` follows the floor and its frequency slowly, and what leaves its reach is refused.
+//! All of it counts in a time scale of its own that no leap second disturbs: UTC and `shift_ns`.
 //!
 //! *Limits.* Without a pulse a receiver that drifts within a crystal's means is followed.
 
-use timebase::Cycles;
+use timebase::{Cycles, LeapSeconds, PulseEdge, PulseForecast};
 
 use crate::drift_guard::DriftGuard;
 use crate::envelope::{Envelope, EnvelopeEstimate, EnvelopeVerdict};
-use crate::holdover::{self, CRYSTAL_PPB, Uncertainty};
-use crate::pulse::{NumberedEdge, Pulse, PulseVerdict, nearest_second};
+use crate::holdover::{self, CRYSTAL_PPB, DRIFT_PPB_PER_S, Uncertainty, rate};
 use crate::refusal::{PulseRefusal, Refusal};
+use crate::second::{Judged, SECOND_NS, Second};
 use crate::settings::{LEARNT_UNCERTAINTY_NS, Settings};
+use crate::track::{PulseTrack, nearest_second};
+use crate::train::{CrystalKnown, EdgeHeard, Trains};
 use crate::utc::{Ppb, UtcNanos};
 
-/// A residual beyond this is an outlier: more than any latency measured on a
-/// receiver that was not stalled (185 ms), less than the second that jumps.
-pub const OUTLIER_NS: i64 = 500_000_000;
+/// A mark that waited longer than this behind other messages teaches the floor nothing. [µs]
+const PROMPT_US: u32 = 20_000;
 
-/// So many outliers in a row have to agree before the clock steps: a second of
-/// a 5 Hz receiver. A backlog that is flushed does not agree with itself.
-pub const AGREEING: u8 = 5;
+/// One that waited longer than this does not even number a pulse. [µs]
+const NUMBERS_US: u32 = 300_000;
 
-/// How far agreeing outliers may lie apart: the widest spread of latencies
-/// measured on one receiver was 91 ms (LEA-M8T at 9600 baud).
-pub const AGREEMENT_NS: i64 = 100_000_000;
+/// Where every mark has waited for so long, those that waited least are heard. [cycles] 10 s
+const ALL_WAITED: u64 = 10 * timebase::CORE_HZ as u64;
 
-/// A pulse that would have a learnt latency off by more is off the second: twice its uncertainty, in ns.
-const LEARNT_OFF_NS: i64 = 2 * LEARNT_UNCERTAINTY_NS as i64;
+/// Those that waited longer than the least by no more than this. [µs]
+const LEAST_WAIT_US: u32 = 5_000;
 
-/// Latencies that a receiver can have: none is negative, but the messages' floor may not have been
-/// found yet; and none measured was longer than 185 ms.
-const LATENCIES_NS: (i64, i64) = (-20_000_000, 300_000_000);
+/// The receiver's own accuracy must be so good for its pulse to be proved. [ns]
+const PROOF_T_ACC_NS: u32 = 1_000;
 
-/// Floors wander by 10 ms; a pulse that moves farther against the messages than this is not the
-/// receiver's.
-const CONTRADICTION_NS: i64 = 25_000_000;
+/// A floor is no farther off than jitter is wide: 91 ms were measured (LEA-M8T at 9600 baud). [ns]
+const MOST_JITTER_NS: f32 = 91e6;
 
-/// So many marks in a row have to contradict a pulse.
-const CONTRADICTIONS: u8 = 10;
+/// A set clock that may be farther off than this does not know its second any more. [ns]
+const NUMBERED_NS: f32 = 450e6;
 
-/// A frequency that is learnt in minutes lags behind a crystal that drifts by 1 ppm a minute, in
-/// ppb: two minutes' worth.
+/// Latencies that a receiver can have where none is known: a pulse is numbered so that the
+/// messages are late by this. None measured was longer than 185 ms. [ns]
+const LATENCIES_NS: core::ops::RangeInclusive<i64> = -100_000_000..=500_000_000;
+/// Half of the way from the least to the greatest. [ns]
+const MIDDLE_LATENCY_NS: i64 = 200_000_000;
+
+/// A train is the one that was followed before when it is no farther from its line than the line's
+/// uncertainty and this. [ns]
+const SAME_TRAIN_NS: f32 = 2_000.0;
+/// Another one has to outlast it by so long while it is there, and when it is not. [s]
+const OUTLASTS_S: f32 = 120.0;
+const OUTLASTS_HOLDOVER_S: f32 = 60.0;
+/// And at the crystal's frequency to so much. [ppb]
+const OUTLASTS_PPB: f32 = 500.0;
+
+/// Without a pulse for so long the clock is not on one any more. [s]
+const PULSE_LASTS_S: f32 = 10.0;
+
+/// A frequency that is learnt in minutes lags behind a crystal that drifts by 1 ppm a minute:
+/// two minutes' worth. [ppb]
 const LAG_PPB: f32 = 2_000.0;
-
-/// How far the frequency may have moved while a receiver drifted, in ppb.
-const AFTER_DRIFT_PPB: f32 = 5_000.0;
 
 /// Each mark's part in the latency that is learnt: 13 s at 5 Hz.
 const LEARNING: i64 = 64;
@@ -69,16 +78,19 @@ const LEARNING: i64 = 64;
 /// messages and those of the pulse.
 const ABSORB_MS: (u32, u32) = (1_000, 250);
 
-// Both estimators, with all that they remember: no more than a small board can spare.
-const _: () = assert!(size_of::<Discipline>() <= 4_096);
+// The estimators, with all that they remember: no more than a small board can spare.
+const _: () = assert!(size_of::<Discipline>() <= 6 * 1_024);
 
 /// One mark or pulse beside the clock that it corrects.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
     /// When it arrived.
     pub at: Cycles,
     /// UTC at its arrival as the clock had it.
     pub published: UtcNanos,
+    /// How far off the clock may have been then, its second's number apart; none while
+    /// it is unset. [ns]
+    pub uncertainty_ns: Option<f32>,
 }
 
 /// How the clock has to go on.
@@ -90,8 +102,11 @@ pub struct Course {
     pub frequency: Ppb,
     /// How far off it may be then, the receiver's latency apart.
     pub uncertainty: Uncertainty,
-    /// How far the receiver's latency may be from the one that is corrected, in ns.
+    /// How far the receiver's latency may be from the one that is corrected, or its pulse
+    /// from UTC, in ns.
     pub latency_uncertainty_ns: u32,
+    /// How far the frequency may be off beside that if nothing follows. [ppb]
+    pub turned_ppb: f32,
     /// In how many ms the error is to be absorbed, if that is not too fast.
     pub absorb_ms: u32,
 }
@@ -101,41 +116,62 @@ pub struct Course {
 pub enum Correction {
     /// Go on so.
     Follow(Course),
-    /// The same, and the error may be stepped over if it is forward: the first of its kind.
+    /// The same, and the error may be stepped over: the first of its kind.
     First(Course),
     /// Step by the error; the clock is wrong beyond uncertainty.
     Step(Course),
+    /// The second has another number: step by so much, and go on as before. [ns]
+    Renumber(i64),
     /// Go on as before: the mark confirms a better source, or the pulse waits for others.
     Nothing,
+}
+
+/// The pulse's line: of the train that is followed, or was last.
+#[derive(Clone, Copy, Debug)]
+struct Followed {
+    track: PulseTrack,
+    train: u8,
+    /// The second that its last pulse marks, in the discipline's scale. [ns]
+    second_ns: i64,
 }
 
 /// The estimators, and who is believed.
 #[derive(Clone, Debug)]
 pub struct Discipline {
+    second: Second,
     envelope: Envelope,
-    pulse: Pulse,
-    anchor: DriftGuard,
+    trains: Trains,
+    drift_guard: DriftGuard,
+    followed: Option<Followed>,
+    /// The discipline's scale less UTC. [ns]
+    shift_ns: i64,
+    is_set: bool,
+    /// The clock has followed a line that was not fresh.
+    has_settled: bool,
     latency_ns: i64,
     latency_uncertainty_ns: u32,
+    /// The least latency that may be corrected. [ns]
+    base_latency_ns: i64,
+    is_latency_learnt: bool,
+    pulse_uncertainty_ns: u32,
     /// The last mark was refused because the receiver drifts.
     is_adrift: bool,
-    /// The latency when the pulse began to be followed.
-    latency_at_lock_ns: Option<i64>,
-    contradictions: u8,
-    has_followed_pulse: bool,
     crystal_ppb: f32,
-    fast_uncertainty_ppb: f32,
-    /// The last mark's floor: the board's ns since boot, and UTC then by the messages.
-    told: Option<(u64, i64)>,
-    run: Run,
+    crystal_uncertainty_ppb: f32,
+    waits: Waits,
 }
 
-/// Outliers in a row that agree.
-#[derive(Clone, Copy, Debug, Default)]
-struct Run {
-    length: u8,
-    smallest_ns: i64,
-    largest_ns: i64,
+/// How long marks wait behind others.
+#[derive(Clone, Copy, Debug)]
+struct Waits {
+    /// When one last had not waited.
+    prompt_at: Cycles,
+    /// The least of the last [`ALL_WAITED`], of those before, and when that began. [µs]
+    least_us: u32,
+    least_before_us: u32,
+    since: Cycles,
+    /// What the floor's marks have waited. [µs]
+    floor_us: u32,
 }
 
 impl Discipline {
@@ -145,20 +181,30 @@ impl Discipline {
         let crystal_ppb = holdover::crystal_ppb(settings.frequency);
         let uncertainty_ppb = settings.frequency_uncertainty.0 as f32;
         Self {
+            second: Second::new(settings.leap_seconds),
             // The settings' uncertainty is a bound, the filter's a standard deviation.
             envelope: Envelope::new(crystal_ppb, uncertainty_ppb / 2.0),
-            pulse: Pulse::new(),
-            anchor: DriftGuard::new(),
+            trains: Trains::new(),
+            drift_guard: DriftGuard::new(),
+            followed: None,
+            shift_ns: 0,
+            is_set: false,
+            has_settled: false,
             latency_ns: settings.latency_ns.into(),
             latency_uncertainty_ns: settings.latency_uncertainty_ns,
+            base_latency_ns: settings.latency_ns.into(),
+            is_latency_learnt: false,
+            pulse_uncertainty_ns: settings.pulse_uncertainty_ns,
             is_adrift: false,
-            latency_at_lock_ns: None,
-            contradictions: 0,
-            has_followed_pulse: false,
             crystal_ppb,
-            fast_uncertainty_ppb: uncertainty_ppb,
-            told: None,
-            run: Run::default(),
+            crystal_uncertainty_ppb: uncertainty_ppb,
+            waits: Waits {
+                prompt_at: Cycles::BOOT,
+                least_us: u32::MAX,
+                least_before_us: u32::MAX,
+                since: Cycles::BOOT,
+                floor_us: 0,
+            },
         }
     }
 
@@ -168,19 +214,51 @@ impl Discipline {
         self.latency_ns
     }
 
+    /// What is known of the second's number.
+    pub(crate) const fn second(&self) -> &Second {
+        &self.second
+    }
+
+    /// The same, to be asked and told.
+    pub(crate) const fn second_mut(&mut self) -> &mut Second {
+        &mut self.second
+    }
+
+    /// The announced leap second is over: what has to be added to the clock, in ns.
+    pub(crate) fn take_leap_event(&mut self) -> Option<i64> {
+        let by_ns = self.second.take_event()?.saturating_mul(SECOND_NS);
+        self.shift_ns = self.shift_ns.saturating_sub(by_ns);
+        Some(by_ns)
+    }
+
     /// The frequency to run on with while nothing is heard: the average of the whole lock where the
     /// crystal has been steady. `None` when there is no better one than the last.
     #[must_use]
     pub fn steady_frequency(&self) -> Option<Ppb> {
-        if self.pulse.is_followed() {
+        if self.followed.is_some() {
             return None;
         }
-        self.anchor
-            .steady_ppb(self.crystal_ppb, self.fast_uncertainty_ppb)
-            .map(holdover::rate)
+        self.drift_guard
+            .steady_ppb(self.crystal_ppb, self.crystal_uncertainty_ppb)
+            .map(rate)
     }
 
-    /// Hears the epoch of a mark. The first one sets the clock: it is [`Correction::First`].
+    /// Takes an answer to NAV-TIMELS.
+    pub(crate) fn handle_leap_seconds(&mut self, told: &LeapSeconds, utc: Option<UtcNanos>) {
+        self.second.handle_leap_seconds(told, utc);
+    }
+
+    /// The receiver has acknowledged a pulse of that width, or has not. [µs]
+    pub(crate) fn handle_pulse_width(&mut self, width_us: Option<u32>) {
+        self.trains.handle_width(width_us);
+    }
+
+    /// Takes what the receiver says about its next pulse; whether its qErr is nonsense.
+    pub(crate) fn handle_forecast(&mut self, forecast: &PulseForecast) -> bool {
+        self.trains.handle_forecast(forecast)
+    }
+
+    /// Takes the epoch of a mark. The first one sets the clock: it is [`Correction::First`].
     ///
     /// # Errors
     /// Why it is to be ignored.
@@ -190,22 +268,164 @@ impl Discipline {
         heard: &Observation,
         epoch: UtcNanos,
         t_acc_ns: u32,
+        busy_us: u32,
     ) -> Result<Correction, Refusal> {
-        let is_first = self.told.is_none();
-        let utc_ns = epoch.0.saturating_add(self.latency_ns);
-        let residual_ns = utc_ns.saturating_sub(heard.published.0);
-        if !is_first && residual_ns.unsigned_abs() > OUTLIER_NS.unsigned_abs() {
-            return self.handle_outlier(heard, epoch, residual_ns, t_acc_ns);
+        if t_acc_ns > PROOF_T_ACC_NS {
+            self.trains.distrust();
         }
-        self.run = Run::default();
-        let floor = self.handle_envelope(heard, epoch)?;
+        if busy_us > NUMBERS_US {
+            return Err(Refusal::Waited);
+        }
         let local_ns = heard.at.as_nanos();
-        let floor_utc_ns = epoch.0.saturating_add(i64::from(floor.excess_ns));
-        if floor.crystal_ppb > CRYSTAL_PPB || floor.crystal_ppb < -CRYSTAL_PPB {
-            return Err(Refusal::Crystal);
+        let moved = self.judge_second(heard, epoch, local_ns, busy_us)?;
+        if !self
+            .waits
+            .may_teach(heard, busy_us, self.message_uncertainty_ns())
+        {
+            return moved.map_or(Err(Refusal::Waited), |by_ns| {
+                Ok(Correction::Renumber(by_ns))
+            });
         }
+        if busy_us <= PROMPT_US && self.waits.floor_us > 0 {
+            self.waits.floor_us = 0;
+            self.envelope.forget();
+        } else if busy_us > PROMPT_US {
+            if self.waits.floor_us == 0 {
+                self.envelope.forget();
+            }
+            self.waits.floor_us = self.waits.floor_us.max(busy_us);
+        }
+        let pulse = self.pulse_at(local_ns);
+        if let Some((_, uncertainty_ns)) = pulse
+            && uncertainty_ns < LEARNT_UNCERTAINTY_NS as f32
+        {
+            self.envelope
+                .believe(heard.at.as_micros(), self.crystal_ppb);
+        }
+        let correction = self.follow_mark(heard, epoch, local_ns, pulse, t_acc_ns);
+        match (moved, correction) {
+            (Some(_), Ok(Correction::Follow(course))) => Ok(Correction::Step(course)),
+            (Some(by_ns), Ok(Correction::Nothing) | Err(_)) => Ok(Correction::Renumber(by_ns)),
+            (_, other) => other,
+        }
+    }
+
+    /// Which second a mark names; by how much the clock's changes for it, in ns.
+    fn judge_second(
+        &mut self,
+        heard: &Observation,
+        epoch: UtcNanos,
+        local_ns: u64,
+        busy_us: u32,
+    ) -> Result<Option<i64>, Refusal> {
+        let Some(uncertainty_ns) = heard.uncertainty_ns else {
+            return Ok(None);
+        };
+        if uncertainty_ns > NUMBERED_NS {
+            self.second.open();
+            self.envelope.forget();
+        }
+        let residual_ns = epoch
+            .0
+            .saturating_add(self.latency_ns)
+            .saturating_sub(heard.published.0);
+        let is_pulse_followed = self.is_on_pulse(local_ns);
+        let is_prompt = busy_us <= PROMPT_US;
+        match self
+            .second
+            .judge(residual_ns, heard.at, is_prompt, is_pulse_followed)
+        {
+            Judged::Same => Ok(None),
+            Judged::Refused => Err(Refusal::Outlier),
+            Judged::Moved(by_s) => {
+                let by_ns = by_s.saturating_mul(SECOND_NS);
+                self.shift_ns = self.shift_ns.saturating_sub(by_ns);
+                Ok(Some(by_ns))
+            }
+        }
+    }
+
+    fn follow_mark(
+        &mut self,
+        heard: &Observation,
+        epoch: UtcNanos,
+        local_ns: u64,
+        pulse: Option<(i64, f32)>,
+        t_acc_ns: u32,
+    ) -> Result<Correction, Refusal> {
+        let epoch_ns = epoch.0.saturating_add(self.shift_ns);
+        let lateness_ns = local_ns.cast_signed().wrapping_sub(epoch_ns) as u32;
+        let is_better_known = pulse.is_some_and(|(_, ns)| ns < LEARNT_UNCERTAINTY_NS as f32);
+        let heard_floor = self
+            .envelope
+            .update(heard.at.as_micros(), lateness_ns, is_better_known);
+        let (floor, moved_ns) = match heard_floor {
+            EnvelopeVerdict::Estimate(floor) => (floor, None),
+            EnvelopeVerdict::Moved(floor, by_ns) => (floor, Some(by_ns)),
+            EnvelopeVerdict::Late => return Err(Refusal::Late),
+            EnvelopeVerdict::Early => return Err(Refusal::Early),
+        };
+        let floor_ns = epoch_ns.saturating_add(i64::from(floor.excess_ns));
+        if moved_ns.is_some() {
+            self.drift_guard = DriftGuard::new();
+        } else if !self.is_followed_by_crystal(local_ns, floor_ns, &floor, heard, is_better_known) {
+            return Err(Refusal::Drift);
+        }
+        match pulse {
+            Some((pulse_ns, _)) if is_better_known => {
+                self.learn_latency(pulse_ns.saturating_sub(floor_ns), moved_ns.is_some());
+            }
+            _ => {
+                if let Some(by_ns) = moved_ns {
+                    self.move_latency(by_ns, &floor);
+                }
+            }
+        }
+        let uncertainty_ns = floor.uncertainty_ns.min(MOST_JITTER_NS)
+            + t_acc_ns as f32
+            + self.waits.floor_us as f32 * 1e3;
+        if let Some((_, pulse_uncertainty_ns)) = pulse
+            && pulse_uncertainty_ns <= uncertainty_ns + self.latency_uncertainty_ns as f32
+        {
+            return Ok(Correction::Nothing);
+        }
+        if floor.is_fresh
+            && self.has_settled
+            && heard
+                .uncertainty_ns
+                .is_some_and(|ns| ns < uncertainty_ns + self.latency_uncertainty_ns as f32)
+        {
+            // The crystal knows better than a line of a few marks.
+            return Ok(Correction::Nothing);
+        }
+        self.has_settled |= !floor.is_fresh;
+        self.followed = None;
+        self.crystal_ppb = floor.crystal_ppb;
+        self.crystal_uncertainty_ppb =
+            (2.0 * floor.frequency_uncertainty_ppb + LAG_PPB).min(CRYSTAL_PPB);
+        let error_ns = floor_ns
+            .saturating_add(self.latency_ns)
+            .saturating_sub(self.shift_ns)
+            .saturating_sub(heard.published.0);
+        let course = self.course(heard.at, error_ns, uncertainty_ns, ABSORB_MS.0);
+        Ok(if core::mem::replace(&mut self.is_set, true) {
+            Correction::Follow(course)
+        } else {
+            Correction::First(course)
+        })
+    }
+
+    /// Whether the floor goes as a crystal does.
+    fn is_followed_by_crystal(
+        &mut self,
+        local_ns: u64,
+        floor_ns: i64,
+        floor: &EnvelopeEstimate,
+        heard: &Observation,
+        is_better_known: bool,
+    ) -> bool {
         let was_adrift = self.is_adrift;
-        self.is_adrift = !self.anchor.reaches(local_ns, floor_utc_ns, &floor);
+        self.is_adrift = !self.drift_guard.reaches(local_ns, floor_ns, floor) && !is_better_known;
         if self.is_adrift {
             if !was_adrift {
                 // What it remembers of the way here would pass for a crystal's drift.
@@ -213,235 +433,212 @@ impl Discipline {
             }
             self.envelope
                 .believe(heard.at.as_micros(), self.crystal_ppb);
-            return Err(Refusal::Drift);
         }
-        self.told = Some((local_ns, floor_utc_ns));
-        let uncertainty_ns = floor.uncertainty_ns + t_acc_ns as f32;
-        if self.pulse_is_better(local_ns, floor_utc_ns, uncertainty_ns)? {
-            return Ok(Correction::Nothing);
+        !self.is_adrift
+    }
+
+    fn learn_latency(&mut self, latency_ns: i64, is_moved: bool) {
+        if !LATENCIES_NS.contains(&latency_ns) {
+            return;
         }
-        self.crystal_ppb = floor.crystal_ppb;
-        self.fast_uncertainty_ppb = 2.0 * floor.frequency_uncertainty_ppb + LAG_PPB;
-        let error_ns = floor_utc_ns
-            .saturating_add(self.latency_ns)
-            .saturating_sub(heard.published.0);
-        let course = self.course(heard.at, error_ns, uncertainty_ns, ABSORB_MS.0);
-        Ok(if is_first {
-            Correction::First(course)
+        if is_moved || !self.is_latency_learnt {
+            self.latency_ns = latency_ns;
         } else {
-            Correction::Follow(course)
-        })
-    }
-
-    fn handle_envelope(
-        &mut self,
-        heard: &Observation,
-        epoch: UtcNanos,
-    ) -> Result<EnvelopeEstimate, Refusal> {
-        let local_ns = heard.at.as_nanos();
-        let lateness_ns = local_ns.cast_signed().wrapping_sub(epoch.0) as u32;
-        match self.envelope.update(heard.at.as_micros(), lateness_ns) {
-            EnvelopeVerdict::Estimate(floor) => Ok(floor),
-            EnvelopeVerdict::Moved(floor) => {
-                self.anchor = DriftGuard::new();
-                if !core::mem::take(&mut self.is_adrift) {
-                    return Ok(floor);
-                }
-                // What it learnt from the receiver's drift is not the crystal's frequency.
-                let uncertainty_ppb = self.fast_uncertainty_ppb.max(AFTER_DRIFT_PPB);
-                self.envelope = Envelope::new(self.crystal_ppb, uncertainty_ppb);
-                self.handle_envelope(heard, epoch)
-            }
-            EnvelopeVerdict::Late => Err(Refusal::Late),
-            EnvelopeVerdict::Early => Err(Refusal::Early),
+            self.latency_ns += latency_ns.saturating_sub(self.latency_ns) / LEARNING;
         }
+        self.is_latency_learnt = true;
+        self.latency_uncertainty_ns = LEARNT_UNCERTAINTY_NS;
     }
 
-    /// Holds the floor against the pulse: learns the latency between them, or that they
-    /// contradict each other. Whether the pulse has the smaller uncertainty.
-    fn pulse_is_better(
-        &mut self,
-        local_ns: u64,
-        floor_utc_ns: i64,
-        uncertainty_ns: f32,
-    ) -> Result<bool, Refusal> {
-        let Some((pulse_utc_ns, pulse_uncertainty_ns)) = self.pulse.utc_at(local_ns) else {
-            return Ok(false);
+    /// The floor has moved by so much, later is more, and nothing but the crystal knows better: it
+    /// is the latency that has changed.
+    fn move_latency(&mut self, by_ns: i32, floor: &EnvelopeEstimate) {
+        let latency_ns = self.latency_ns.saturating_add(by_ns.into());
+        self.latency_ns = if self.is_latency_learnt {
+            self.latency_uncertainty_ns = self
+                .latency_uncertainty_ns
+                .saturating_add((floor.frequency_uncertainty_ppb * 240.0) as u32);
+            latency_ns
+        } else {
+            // Lateness is one-sided: what comes earlier than ever is nearer to the truth.
+            latency_ns.max(self.base_latency_ns)
         };
-        let latency_ns = pulse_utc_ns.saturating_sub(floor_utc_ns);
-        if self.is_strange(latency_ns, pulse_uncertainty_ns) {
-            if !self.pulse.is_alive(local_ns) {
-                // The pulse is gone, but what it taught is good to its uncertainty: the messages drift.
-                return Err(Refusal::Drift);
-            }
-            self.contradictions = self.contradictions.saturating_add(1);
-            if self.contradictions >= CONTRADICTIONS {
-                self.contradictions = 0;
-                self.pulse.forget();
-                // What the wrong pulse taught, as far as it was wrong.
-                if let Some(then_ns) = self.latency_at_lock_ns {
-                    self.latency_ns = then_ns;
-                }
-                return Ok(false);
-            }
-        } else {
-            self.contradictions = 0;
-            self.learn(latency_ns);
-        }
-        Ok(pulse_uncertainty_ns <= uncertainty_ns + self.latency_uncertainty_ns as f32)
     }
 
-    /// Hears an edge of the pulse, which comes `late_ns` after the second that it stands for, by
-    /// the receiver's own word.
+    /// How far the messages' word may be off at least. [ns]
+    fn message_uncertainty_ns(&self) -> f32 {
+        self.latency_uncertainty_ns as f32
+    }
+
+    /// UTC by the pulse's line in the discipline's scale, with how far it may be off; both in ns.
+    fn pulse_at(&self, local_ns: u64) -> Option<(i64, f32)> {
+        let followed = self.followed.as_ref()?;
+        let utc_ns = followed
+            .second_ns
+            .saturating_add(followed.track.elapsed_ns(local_ns));
+        Some((utc_ns, followed.track.uncertainty_ns(local_ns)))
+    }
+
+    fn is_on_pulse(&self, local_ns: u64) -> bool {
+        self.followed
+            .as_ref()
+            .is_some_and(|followed| followed.track.since_s(local_ns) < PULSE_LASTS_S)
+    }
+
+    /// Takes an edge of the pulse's wire.
     ///
     /// # Errors
     /// Why it is to be ignored.
-    pub fn handle_pulse(
+    pub fn handle_edge(
         &mut self,
-        heard: &Observation,
-        late_ns: i32,
-    ) -> Result<Correction, PulseRefusal> {
-        let at_ns = heard.at.as_nanos().saturating_add_signed((-late_ns).into());
-        let Some((told_at_ns, floor_utc_ns)) = self.told else {
+        edge: &PulseEdge,
+        observe: impl Fn(Cycles) -> Observation,
+    ) -> Result<(Correction, Cycles), PulseRefusal> {
+        let known = self.crystal_known(edge.at.as_nanos());
+        let (track, train, steady_s, late_ns, rise) = match self.trains.handle_edge(edge, known) {
+            EdgeHeard::Noted => return Ok((Correction::Nothing, edge.at)),
+            EdgeHeard::Refused(refusal) => return Err(refusal),
+            EdgeHeard::Proved {
+                track,
+                train,
+                steady_s,
+                late_ns,
+                rise,
+            } => (track, train, steady_s, late_ns, rise),
+        };
+        let heard = observe(rise);
+        let Some(clock_uncertainty_ns) = heard.uncertainty_ns else {
             return Err(PulseRefusal::Unnumbered);
         };
-        let since_ns = at_ns.wrapping_sub(told_at_ns).cast_signed();
-        // An hour at 50 ppm is less than a second off: by then only the clock may number it.
-        let rise_ns = (self.crystal_ppb * (since_ns as f32 * 1e-9)) as i64;
-        let told_ns = floor_utc_ns
-            .saturating_add(since_ns)
-            .saturating_sub(rise_ns)
-            .saturating_add(self.latency_ns);
-        // A latency that somebody has set may be another receiver's; one that was learnt is ours.
-        let plausible_ns = if self.latency_at_lock_ns.is_some() {
-            (-LEARNT_OFF_NS, LEARNT_OFF_NS)
-        } else {
-            (
-                LATENCIES_NS.0 - self.latency_ns,
-                LATENCIES_NS.1 - self.latency_ns,
-            )
-        };
-        let edge = NumberedEdge {
-            at_ns,
-            told_ns,
-            plausible_ns,
-        };
-        match self
-            .pulse
-            .update(&edge, self.crystal_ppb, self.fast_uncertainty_ppb)
-        {
-            PulseVerdict::Candidate => Ok(Correction::Nothing),
-            PulseVerdict::Refused(refusal) => Err(refusal),
-            PulseVerdict::Followed(line) => {
-                self.crystal_ppb = line.crystal_ppb;
-                self.fast_uncertainty_ppb = line.frequency_uncertainty_ppb;
-                let error_ns = line
-                    .utc_ns
-                    .saturating_add(late_ns.into())
-                    .saturating_sub(heard.published.0);
-                let course = Course {
-                    latency_uncertainty_ns: 0,
-                    ..self.course(heard.at, error_ns, line.uncertainty_ns, ABSORB_MS.1)
-                };
-                Ok(if core::mem::replace(&mut self.has_followed_pulse, true) {
-                    Correction::Follow(course)
-                } else {
-                    Correction::First(course)
-                })
+        let edge_ns = track.edge_ns();
+        let is_new = match self.followed {
+            Some(followed) => {
+                let then_ns = followed
+                    .second_ns
+                    .saturating_add(followed.track.elapsed_ns(edge_ns));
+                let second_ns = nearest_second(then_ns);
+                let off_ns = then_ns.saturating_sub(second_ns) as f32;
+                let is_same_train =
+                    followed.train == train && followed.track.since_s(edge_ns) < PULSE_LASTS_S;
+                let is_same_phase =
+                    off_ns.abs() <= followed.track.uncertainty_ns(edge_ns) + SAME_TRAIN_NS;
+                let is_same = is_same_train || is_same_phase;
+                if !is_same {
+                    let since_s = followed.track.since_s(edge_ns);
+                    let lasts_s = if since_s > PULSE_LASTS_S {
+                        OUTLASTS_HOLDOVER_S
+                    } else {
+                        OUTLASTS_S
+                    };
+                    let apart_ppb = track.crystal_ppb() - followed.track.crystal_ppb();
+                    let most_ppb = OUTLASTS_PPB + 2.0 * DRIFT_PPB_PER_S * since_s;
+                    if steady_s < lasts_s || apart_ppb.abs() > most_ppb {
+                        return Err(PulseRefusal::OffLine);
+                    }
+                }
+                self.followed = Some(Followed {
+                    track,
+                    train,
+                    second_ns,
+                });
+                !is_same
             }
+            None => {
+                let told_ns = heard.published.0.saturating_add(self.shift_ns);
+                let middle_ns = if self.is_latency_learnt {
+                    0
+                } else {
+                    MIDDLE_LATENCY_NS - self.latency_ns
+                };
+                let second_ns = nearest_second(told_ns.saturating_add(middle_ns));
+                let latency_ns = second_ns.saturating_sub(told_ns) + self.latency_ns;
+                if clock_uncertainty_ns > NUMBERED_NS || !LATENCIES_NS.contains(&latency_ns) {
+                    return Err(PulseRefusal::OffSecond);
+                }
+                self.followed = Some(Followed {
+                    track,
+                    train,
+                    second_ns,
+                });
+                self.is_latency_learnt = false;
+                true
+            }
+        };
+        self.crystal_ppb = track.crystal_ppb();
+        self.crystal_uncertainty_ppb = track.frequency_uncertainty_ppb();
+        let Some((utc_ns, uncertainty_ns)) = self.pulse_at(rise.as_nanos()) else {
+            return Err(PulseRefusal::Unnumbered);
+        };
+        let _ = late_ns;
+        let error_ns = utc_ns
+            .saturating_sub(self.shift_ns)
+            .saturating_sub(heard.published.0);
+        let course = Course {
+            latency_uncertainty_ns: self.pulse_uncertainty_ns,
+            turned_ppb: track.turned_ppb(),
+            ..self.course(rise, error_ns, uncertainty_ns, ABSORB_MS.1)
+        };
+        Ok((
+            if is_new {
+                Correction::First(course)
+            } else {
+                Correction::Follow(course)
+            },
+            rise,
+        ))
+    }
+
+    /// What is known of the crystal, for a train that begins.
+    fn crystal_known(&self, local_ns: u64) -> CrystalKnown {
+        let since_s = self
+            .followed
+            .as_ref()
+            .map_or(0.0, |followed| followed.track.since_s(local_ns));
+        CrystalKnown {
+            crystal_ppb: self.crystal_ppb,
+            uncertainty_ppb: (self.crystal_uncertainty_ppb + 2.0 * DRIFT_PPB_PER_S * since_s)
+                .min(CRYSTAL_PPB),
         }
     }
 
     fn course(&self, at: Cycles, error_ns: i64, uncertainty_ns: f32, absorb_ms: u32) -> Course {
         Course {
             error_ns,
-            frequency: holdover::rate(self.crystal_ppb),
+            frequency: rate(self.crystal_ppb),
             uncertainty: Uncertainty {
                 at,
                 phase_ns: uncertainty_ns,
-                frequency_ppb: self.fast_uncertainty_ppb,
+                frequency_ppb: self.crystal_uncertainty_ppb,
             },
             latency_uncertainty_ns: self.latency_uncertainty_ns,
+            turned_ppb: 0.0,
             absorb_ms,
-        }
-    }
-
-    fn handle_outlier(
-        &mut self,
-        heard: &Observation,
-        epoch: UtcNanos,
-        residual_ns: i64,
-        t_acc_ns: u32,
-    ) -> Result<Correction, Refusal> {
-        self.run.add(residual_ns);
-        if self.run.length < AGREEING {
-            return Err(Refusal::Outlier);
-        }
-        let Run {
-            smallest_ns,
-            largest_ns,
-            ..
-        } = core::mem::take(&mut self.run);
-        // Within AGREEMENT_NS of each other, so it fits.
-        let spread_ns = largest_ns.wrapping_sub(smallest_ns) as f32;
-        self.envelope.forget();
-        self.anchor = DriftGuard::new();
-        let by_ns = if self.pulse.is_followed() {
-            // The pulse has the phase; what has changed is the second's number.
-            let by_ns = nearest_second(largest_ns);
-            self.pulse.renumber(by_ns);
-            by_ns
-        } else {
-            self.pulse.forget();
-            largest_ns
-        };
-        self.told = None;
-        let _ = self.handle_envelope(heard, epoch);
-        self.told = Some((heard.at.as_nanos(), epoch.0));
-        let uncertainty_ns = spread_ns + t_acc_ns as f32;
-        let course = self.course(heard.at, by_ns, uncertainty_ns, ABSORB_MS.0);
-        Ok(Correction::Step(course))
-    }
-
-    /// Whether a latency is none that this receiver, or any, can have.
-    fn is_strange(&self, latency_ns: i64, uncertainty_ns: f32) -> bool {
-        match self.latency_at_lock_ns {
-            Some(then_ns) => {
-                let most_ns = CONTRADICTION_NS.saturating_add(uncertainty_ns as i64);
-                latency_ns.abs_diff(then_ns) > most_ns.unsigned_abs()
-            }
-            None => !(LATENCIES_NS.0..=LATENCIES_NS.1).contains(&latency_ns),
-        }
-    }
-
-    fn learn(&mut self, latency_ns: i64) {
-        if self.latency_at_lock_ns.is_none() {
-            self.latency_at_lock_ns = Some(latency_ns);
-            self.latency_ns = latency_ns;
-            self.latency_uncertainty_ns = LEARNT_UNCERTAINTY_NS;
-        } else {
-            self.latency_ns += latency_ns.saturating_sub(self.latency_ns) / LEARNING;
         }
     }
 }
 
-impl Run {
-    fn add(&mut self, residual_ns: i64) {
-        let joined = Self {
-            length: self.length.saturating_add(1),
-            smallest_ns: self.smallest_ns.min(residual_ns),
-            largest_ns: self.largest_ns.max(residual_ns),
-        };
-        let agrees =
-            self.length > 0 && joined.largest_ns.saturating_sub(joined.smallest_ns) <= AGREEMENT_NS;
-        *self = if agrees {
-            joined
-        } else {
-            Self {
-                length: 1,
-                smallest_ns: residual_ns,
-                largest_ns: residual_ns,
-            }
-        };
+impl Waits {
+    /// Whether a mark that has waited for so long teaches the floor.
+    fn may_teach(
+        &mut self,
+        heard: &Observation,
+        busy_us: u32,
+        message_uncertainty_ns: f32,
+    ) -> bool {
+        if heard.at.since(self.since) > ALL_WAITED.cast_signed() {
+            self.since = heard.at;
+            self.least_before_us = core::mem::replace(&mut self.least_us, u32::MAX);
+        }
+        self.least_us = self.least_us.min(busy_us);
+        if busy_us <= PROMPT_US {
+            self.prompt_at = heard.at;
+            return true;
+        }
+        let is_needed = heard
+            .uncertainty_ns
+            .is_none_or(|ns| ns > message_uncertainty_ns + busy_us as f32 * 1e3);
+        is_needed
+            && heard.at.since(self.prompt_at) > ALL_WAITED.cast_signed()
+            && busy_us <= self.least_before_us.saturating_add(LEAST_WAIT_US)
     }
 }

@@ -136,6 +136,7 @@ mod tests {
             uncertainty_ns: 50_000.0,
             frequency_uncertainty_ppb: 500.0,
             slow_ppb: Some(crystal_ppb),
+            is_fresh: false,
         }
     }
 

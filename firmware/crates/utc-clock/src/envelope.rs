@@ -37,7 +37,7 @@ use survey::Survey;
 use trend::{Point, Trend, seconds};
 use wander::Wander;
 
-use crate::holdover::DRIFT_PPB_PER_S;
+use crate::holdover::{CRYSTAL_PPB, DRIFT_PPB_PER_S};
 
 /// A mark farther above the line is not remembered: 100 ms, the widest spread of
 /// latencies measured on one receiver being 91 ms (LEA-M8T at 9600 baud).
@@ -50,14 +50,28 @@ pub const TOO_EARLY_NS: i32 = -12_000_000;
 /// A mark that is not farther above the line has come near it: twice what floors wander.
 const NEAR_NS: i32 = 20_000_000;
 
-/// So many more marks that are too early, within [`TOO_EARLY_NS`] of each other, than others are
-/// believed: the floor has moved. A second of a 5 Hz receiver.
-const EARLY_AGREEING: u8 = 5;
+/// For so long after its start a line is fresh: its first marks may have been late or
+/// early, and a few others are enough to say so. [s]
+const FRESH_S: f32 = 20.0;
+/// A mark that is farther below a fresh line is a wrong label unless a second one says the same;
+/// so is the first mark when those that follow are so far above it. [ns]
+const ALONE_NS: i32 = 15_000_000;
+/// So many marks above it, and none beside it, are enough. A second of a 5 Hz receiver.
+const ALL_ABOVE: u8 = 5;
+/// So many in a row, when a few were beside it.
+const MOST_ABOVE: u8 = 10;
+/// Two early marks say the same within so long. [s]
+const AGREEING_S: f32 = 10.0;
 
-/// Without a mark so near to a line that is known, for so long, the floor has moved, in s: even of
-/// marks that are spread over 90 ms a fifth come so near, and jitter of an M8 that is correlated
-/// over 20 s does, too.
-const MOVED_AFTER_S: f32 = 90.0;
+/// Marks that are too early for so long, without a pause of [`AGREEING_S`], say that the floor
+/// has moved: longer than labels were seen to be wrong. [s]
+const EARLIER_AFTER_S: f32 = 75.0;
+/// Without a mark so near to the line for so long, it has: longer than a queue of 0.1 s was seen to
+/// stand (`k5`, 160 s). [s]
+const LATER_AFTER_S: f32 = 240.0;
+/// Where a pulse, or the crystal as a pulse has left it, knows better, both are soon believed, for
+/// nothing but the latency is learnt from it. Labels were seen to be wrong for a minute. [s]
+const KNOWN_AFTER_S: f32 = 75.0;
 
 /// Marks that stay away for so long teach nothing any more, in s.
 const AWAY_S: f32 = 20.0;
@@ -98,6 +112,9 @@ const FIRST_SLOPE_WORTH_S: f32 = 8.0;
 /// So many points are looked at for one mark when the level is sought.
 const LEVEL_AT_ONCE: usize = 15;
 
+/// How well a frequency is known that was learnt wrong. [ppb]
+const LOST_PPB: f32 = 50_000.0;
+
 /// The frequency's variance while the floor wanders, in ppb².
 const WANDER_VARIANCE: f32 = 5_000.0 * 5_000.0;
 /// The lowest of half a window is twice as far above the floor as that of a whole one; and there
@@ -107,12 +124,12 @@ const TWO_HALVES: f32 = 2.0 * core::f32::consts::SQRT_2;
 /// A slope that moves the floor by more over the window is no wander, and so no crystal's either
 /// once that is known, in ns.
 const BEYOND_WANDER_NS: f32 = 20e6;
-/// Within the first [`YOUNG_S`], one that moves it by more says that the crystal is farther off
-/// than anybody thought: more than an M8's whole jitter, in ns.
-const BEYOND_JITTER_NS: f32 = 30e6;
+/// For so long the frequency is young: it may move as far as its doubt allows.
 const YOUNG_S: f32 = 120.0;
-/// Before that, a slope is mostly chance, in s.
-const FIRST_SLOPES_S: f32 = 16.0;
+/// Afterwards by so much a bin at most: 3.6 ppm a minute where a crystal drifts by 1. [ppb]
+const MOST_STEP_PPB: f32 = 120.0;
+/// Or by so much of its standard deviation, where jitter leaves it that wide.
+const MOST_STEP_SIGMAS: f32 = 0.25;
 
 /// What a mark says of the floor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -127,6 +144,8 @@ pub struct EnvelopeEstimate {
     pub frequency_uncertainty_ppb: f32,
     /// The frequency as many minutes have it, in ppb, once there are as many.
     pub slow_ppb: Option<f32>,
+    /// The line has begun less than a window ago: what ran on without it may be better.
+    pub is_fresh: bool,
 }
 
 /// What became of a mark.
@@ -138,8 +157,9 @@ pub enum EnvelopeVerdict {
     Late,
     /// It is earlier than any floor wanders, and not (yet) confirmed: left alone.
     Early,
-    /// It confirms that the floor has moved: everything but the frequency begins anew.
-    Moved(EnvelopeEstimate),
+    /// It confirms that the floor has moved by so much, later is more: everything but the
+    /// frequency begins anew. [ns]
+    Moved(EnvelopeEstimate, i32),
 }
 
 /// From `earlier_us` to `later_us`, µs since boot, in s; an hour at most.
@@ -157,8 +177,8 @@ enum Chore {
     Wander,
 }
 
-/// Marks that stay away from the line: the least excess of the first and of the second half of
-/// [`MOVED_AFTER_S`], in ns.
+/// Marks that stay away from the line: the least excess of the first and of the second half of the
+/// time after which that is believed, in ns.
 #[derive(Clone, Copy, Debug)]
 struct Away {
     since_us: u64,
@@ -166,6 +186,14 @@ struct Away {
     second_ns: i32,
     /// It did not stand the time before.
     again: bool,
+}
+
+/// Marks that are too early.
+#[derive(Clone, Copy, Debug)]
+struct Early {
+    since_us: u64,
+    last_us: u64,
+    lowest_ns: i32,
 }
 
 /// The lower envelope of the marks.
@@ -192,8 +220,17 @@ pub struct Envelope {
     variance: f32,
     /// The last slope, while the filter may not have believed it enough yet, in ppb.
     unexplained_ppb: f32,
-    /// Marks in a row that were too early and agreed, and how far the first of them was, in ns.
-    early: (u8, i32),
+    early: Option<Early>,
+    /// By how much early marks have lowered the line of late, so that they do not lead it down
+    /// step by step, in ns.
+    lowered_ns: i32,
+    /// Marks near a fresh line, and of those far above it the number.
+    near: u8,
+    above: u8,
+    /// Its first marks are all that it rests on.
+    is_unsettled: bool,
+    /// For how long the frequency has been learnt, over all lines, in s.
+    learnt_s: f32,
 }
 
 impl Envelope {
@@ -219,13 +256,23 @@ impl Envelope {
             drifted_ns: 0.0,
             variance: uncertainty_ppb * uncertainty_ppb,
             unexplained_ppb: 0.0,
-            early: (0, 0),
+            early: None,
+            lowered_ns: 0,
+            near: 0,
+            above: 0,
+            is_unsettled: true,
+            learnt_s: 0.0,
         }
     }
 
     /// Hears a mark that arrived `at_us` µs after boot; its arrival by the board's counter
     /// less its epoch is `lateness_ns`, in ns that wrap.
-    pub fn update(&mut self, at_us: u64, lateness_ns: u32) -> EnvelopeVerdict {
+    pub fn update(
+        &mut self,
+        at_us: u64,
+        lateness_ns: u32,
+        is_better_known: bool,
+    ) -> EnvelopeVerdict {
         let point = Point {
             at_us: at_us as u32,
             lateness_ns,
@@ -240,37 +287,92 @@ impl Envelope {
         }
         self.age_s = elapsed_s(at_us, self.started_us);
         let excess_ns = self.line.excess_ns(point);
-        if excess_ns < NEAR_NS || self.is_young() {
+        if self.is_unsettled && self.age_s < FRESH_S {
+            return self.update_fresh(at_us, point, excess_ns);
+        }
+        let (earlier_after_s, later_after_s) = if is_better_known {
+            (KNOWN_AFTER_S, KNOWN_AFTER_S)
+        } else {
+            (EARLIER_AFTER_S, LATER_AFTER_S)
+        };
+        if excess_ns < NEAR_NS {
             self.away = None;
-        } else if self.has_moved(at_us, excess_ns) {
+        } else if self.has_moved(at_us, excess_ns, later_after_s) {
             self.begin(at_us, point);
-            return EnvelopeVerdict::Moved(self.floor(point));
+            return EnvelopeVerdict::Moved(self.floor(point), excess_ns);
         } else if excess_ns > TOO_LATE_NS || self.stays_away(at_us) {
             return EnvelopeVerdict::Late;
         }
-        if excess_ns < TOO_EARLY_NS && !self.is_young() {
-            let (agreeing, first_ns) = self.early;
-            let agrees =
-                agreeing > 0 && excess_ns.abs_diff(first_ns) <= TOO_EARLY_NS.unsigned_abs();
-            self.early = if agrees {
-                (agreeing.saturating_add(1), first_ns)
-            } else {
-                (1, excess_ns)
-            };
-            if self.early.0 < EARLY_AGREEING {
+        if excess_ns < TOO_EARLY_NS + self.lowered_ns {
+            let early = self.note_early(at_us, excess_ns);
+            if elapsed_s(at_us, early.since_us) < earlier_after_s {
                 return EnvelopeVerdict::Early;
             }
             self.begin(at_us, point);
-            return EnvelopeVerdict::Moved(self.floor(point));
+            return EnvelopeVerdict::Moved(self.floor(point), excess_ns);
         }
-        self.early.0 = self.early.0.saturating_sub(1);
         self.take_in(point, excess_ns);
         EnvelopeVerdict::Estimate(self.floor(point))
     }
 
+    /// A mark beside a line whose own marks are few.
+    fn update_fresh(&mut self, at_us: u64, point: Point, excess_ns: i32) -> EnvelopeVerdict {
+        self.away = None;
+        if excess_ns < -ALONE_NS {
+            let before = self.early;
+            self.note_early(at_us, excess_ns);
+            let agrees = before.is_some_and(|early| {
+                elapsed_s(at_us, early.last_us) < AGREEING_S
+                    && excess_ns <= early.lowest_ns.saturating_add(ALONE_NS)
+            });
+            if !agrees {
+                return EnvelopeVerdict::Early;
+            }
+            self.begin(at_us, point);
+            self.near = 1;
+        } else if excess_ns > ALONE_NS {
+            self.above = self.above.saturating_add(1);
+            let enough = if self.near == 0 {
+                ALL_ABOVE
+            } else {
+                MOST_ABOVE
+            };
+            if self.near < ALL_ABOVE && self.above >= enough {
+                self.begin(at_us, point);
+            } else if excess_ns > TOO_LATE_NS {
+                return EnvelopeVerdict::Late;
+            } else {
+                self.take_in(point, excess_ns);
+            }
+        } else {
+            self.near = self.near.saturating_add(1);
+            self.above = 0;
+            self.take_in(point, excess_ns);
+        }
+        EnvelopeVerdict::Estimate(self.floor(point))
+    }
+
+    fn note_early(&mut self, at_us: u64, excess_ns: i32) -> Early {
+        let begun = Early {
+            since_us: at_us,
+            last_us: at_us,
+            lowest_ns: excess_ns,
+        };
+        let early = match self.early {
+            Some(early) if elapsed_s(at_us, early.last_us) < AGREEING_S => Early {
+                last_us: at_us,
+                lowest_ns: early.lowest_ns.min(excess_ns),
+                ..early
+            },
+            _ => begun,
+        };
+        self.early = Some(early);
+        early
+    }
+
     /// Whether marks have stayed away from the line for long enough to say that the floor has
     /// moved. A floor that is still moving has not.
-    fn has_moved(&mut self, at_us: u64, excess_ns: i32) -> bool {
+    fn has_moved(&mut self, at_us: u64, excess_ns: i32, after_s: f32) -> bool {
         let begun = Away {
             since_us: at_us,
             first_ns: excess_ns,
@@ -279,20 +381,32 @@ impl Envelope {
         };
         let away = self.away.get_or_insert(begun);
         let for_s = elapsed_s(at_us, away.since_us);
-        if for_s < MOVED_AFTER_S / 2.0 {
+        if for_s < after_s / 2.0 {
             away.first_ns = away.first_ns.min(excess_ns);
         } else {
             away.second_ns = away.second_ns.min(excess_ns);
         }
-        if for_s < MOVED_AFTER_S {
+        if for_s < after_s {
             return false;
         }
-        let stands = away.second_ns.saturating_sub(away.first_ns) <= STANDS_NS;
+        let drift_ppb = if away.again {
+            // What is learnt of the frequency was wrong, by as much as that can be.
+            2.0 * CRYSTAL_PPB
+        } else {
+            2.0 * libm::sqrtf(self.variance)
+        };
+        let drifts_ns = drift_ppb * (after_s / 2.0);
+        let stands_ns = STANDS_NS.saturating_add(drifts_ns as i32);
+        let (again, first_ns, second_ns) = (away.again, away.first_ns, away.second_ns);
+        let stands = second_ns.saturating_sub(first_ns) <= stands_ns;
         if !stands {
             self.away = Some(Away {
                 again: true,
                 ..begun
             });
+        } else if again {
+            self.variance = LOST_PPB * LOST_PPB;
+            self.learnt_s = 0.0;
         }
         stands
     }
@@ -322,6 +436,7 @@ impl Envelope {
             uncertainty_ns: self.uncertainty_ns(),
             frequency_uncertainty_ppb: libm::sqrtf(self.variance).max(self.unexplained_ppb / 2.0),
             slow_ppb: self.wander.slow_ppb(),
+            is_fresh: self.age_s < WINDOW_S.0,
         }
     }
 
@@ -339,7 +454,11 @@ impl Envelope {
         self.wander.begin(point.at_us);
         self.chore = Chore::Nothing;
         self.drifted_ns = 0.0;
-        self.early = (0, 0);
+        self.early = None;
+        self.lowered_ns = 0;
+        self.near = 0;
+        self.above = 0;
+        self.is_unsettled = true;
     }
 
     /// The window is empty: begins anew at the line as it ran on, so that the first marks back,
@@ -371,16 +490,19 @@ impl Envelope {
         });
         self.variance += ramp_ppb * ramp_ppb;
         self.drifted_ns = drifted_ns;
+        self.is_unsettled = false;
     }
 
     fn is_young(&self) -> bool {
-        self.age_s < YOUNG_S
+        self.learnt_s < YOUNG_S
     }
 
     fn take_in(&mut self, point: Point, excess_ns: i32) {
         self.wander.fill(point, excess_ns, &self.line);
         if matches!(self.chore, Chore::Nothing) && self.bins.is_over(point.at_us) {
             let lasted_s = self.bins.lasted_s(point.at_us);
+            self.lowered_ns -= self.lowered_ns / 4;
+            self.learnt_s = (self.learnt_s + lasted_s).min(YOUNG_S);
             if let Some(lowest) = self.bins.close(point.at_us) {
                 self.edge.close_bin(self.line.excess_ns(lowest), lasted_s);
                 let line = self.line.moved_to(point.at_us);
@@ -393,6 +515,7 @@ impl Envelope {
             self.edge.note(second_ns);
         }
         if excess_ns < 0 {
+            self.lowered_ns = self.lowered_ns.saturating_sub(excess_ns);
             self.line = self.line.through(point);
         }
     }
@@ -468,13 +591,7 @@ impl Envelope {
         self.variance += FREQUENCY_WALK * (BIN_US as f32 * 1e-6);
         // Judged by the density inside of bins, which a slope does not blur.
         let chance_ns = 8.0 * TWO_HALVES * self.edge.gap_in(span_s);
-        let may_be_far_off = self.is_young() && self.age_s > FIRST_SLOPES_S;
-        if may_be_far_off && slope_ppb.abs() * apart_s > BEYOND_JITTER_NS + chance_ns {
-            self.line.crystal_ppb += slope_ppb;
-            self.variance = slope_ppb * slope_ppb / 4.0;
-            return;
-        }
-        if !self.is_young() && slope_ppb.abs() * apart_s > BEYOND_WANDER_NS {
+        if slope_ppb.abs() * apart_s > BEYOND_WANDER_NS.max(chance_ns) {
             // A floor that jumps is no frequency.
             return;
         }
@@ -488,11 +605,12 @@ impl Envelope {
         let most_ppb = if self.is_young() {
             2.0 * libm::sqrtf(self.variance)
         } else {
-            f32::MAX
+            MOST_STEP_PPB.max(MOST_STEP_SIGMAS * libm::sqrtf(self.variance))
         };
         // Not `clamp`, which would panic where the variance is not a number, and bring the
         // formatting of floats.
-        self.line.crystal_ppb += (gain * slope_ppb).max(-most_ppb).min(most_ppb);
+        let moved_ppb = self.line.crystal_ppb + (gain * slope_ppb).max(-most_ppb).min(most_ppb);
+        self.line.crystal_ppb = moved_ppb.max(-CRYSTAL_PPB).min(CRYSTAL_PPB);
         self.variance *= 1.0 - gain;
     }
 
@@ -540,7 +658,8 @@ impl Envelope {
         let since = self.bins.filling().map(|point| line.excess_ns(point));
         let lowest_ns = since.map_or(lowest_ns, |ns| ns.min(lowest_ns));
         // Whether a floor has moved farther is for the marks to come to say.
-        if lowest_ns < NEAR_NS || (self.is_young() && lowest_ns < i32::MAX) {
+        let is_fresh = self.is_unsettled && self.age_s < FRESH_S;
+        if lowest_ns < NEAR_NS || (is_fresh && lowest_ns < i32::MAX) {
             self.line = line.raised(lowest_ns).moved_to(at_us);
         }
     }

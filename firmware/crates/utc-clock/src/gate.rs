@@ -15,19 +15,24 @@
 use timebase::TimeMark;
 
 use crate::refusal::Refusal;
-use crate::settings::Settings;
 use crate::utc::UtcNanos;
 
 /// The greatest tAcc that passes. Good marks of real receivers have 16 ns to 4.4 µs;
 /// a receiver that is still resolving its time has ms or none. [ns]
 const MAX_T_ACC_NS: u32 = 100_000;
 
+/// Dates are believed within 1024 weeks of the floor, after which a GPS week number begins
+/// anew. [ns]
+const WEEKS_1024_NS: i64 = 1_024 * 7 * 86_400 * 1_000_000_000;
+
 /// Judges marks by what they say of themselves.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Gate {
     /// Demand `confirmedTime` as well. Off by default: timing receivers never
     /// set it.
     pub require_confirmed: bool,
+    /// The earliest date that is believed.
+    pub date_floor: UtcNanos,
 }
 
 impl Gate {
@@ -54,7 +59,7 @@ impl Gate {
             return Err(Refusal::Inaccurate);
         }
         let epoch = UtcNanos::from_civil(&mark.epoch).map_err(Refusal::Calendar)?;
-        if epoch < Settings::EARLIEST {
+        if !(0..WEEKS_1024_NS).contains(&epoch.since(self.date_floor)) {
             return Err(Refusal::TooOld);
         }
         if mark.epoch.second == 60 {
@@ -70,12 +75,21 @@ mod tests {
 
     use super::*;
     use crate::calendar::CalendarError;
+    use crate::settings::Settings;
+
+    fn gate() -> Gate {
+        Gate {
+            require_confirmed: false,
+            date_floor: Settings::DATE_FLOOR,
+        }
+    }
 
     fn good() -> TimeMark {
         TimeMark {
             arrival: Cycles(0),
+            busy_us: 0,
             epoch: CivilTime {
-                year: 2016,
+                year: 2025,
                 month: 1,
                 day: 1,
                 hour: 0,
@@ -97,12 +111,12 @@ mod tests {
     fn refusal(change: impl FnOnce(&mut TimeMark)) -> Option<Refusal> {
         let mut mark = good();
         change(&mut mark);
-        Gate::default().judge(&mark).err()
+        gate().judge(&mark).err()
     }
 
     #[test]
     fn the_worst_mark_that_is_good_enough_passes() {
-        assert_eq!(Gate::default().judge(&good()), Ok(Settings::EARLIEST));
+        assert_eq!(gate().judge(&good()), Ok(Settings::DATE_FLOOR));
     }
 
     #[test]
@@ -129,7 +143,7 @@ mod tests {
         assert_eq!(
             refusal(|m| {
                 m.epoch = CivilTime {
-                    year: 2016,
+                    year: 2028,
                     month: 12,
                     day: 31,
                     hour: 23,
@@ -146,6 +160,7 @@ mod tests {
     fn confirmation_is_demanded_only_on_request() {
         let strict = Gate {
             require_confirmed: true,
+            ..gate()
         };
         assert_eq!(strict.judge(&good()), Err(Refusal::Unconfirmed));
         let mut confirmed = good();

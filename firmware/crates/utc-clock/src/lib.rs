@@ -83,9 +83,11 @@ mod kalman;
 mod model;
 mod outcome;
 mod published;
-mod pulse;
 mod refusal;
+mod second;
 mod settings;
+mod track;
+mod train;
 mod utc;
 
 pub use calendar::CalendarError;

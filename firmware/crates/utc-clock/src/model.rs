@@ -24,6 +24,8 @@ use crate::utc::{Ppb, UtcNanos};
 
 /// Bits of `mult` behind the binary point.
 pub(crate) const SHIFT: u32 = 28;
+/// The uncertainty of a clock whose second is not proved is kept in units of 2²⁹ ns.
+const COARSE_BITS: u32 = 29;
 const FRACTION: u64 = (1 << SHIFT) - 1;
 
 /// The largest rate correction, in either direction: a crystal beyond ±2 000 ppm
@@ -37,9 +39,8 @@ pub struct Reading {
     pub utc: UtcNanos,
     /// The state of the clock then.
     pub state: ClockState,
-    /// How far UTC may be from it, in ns to either side; `u32::MAX` stands for
-    /// 4.3 s and more, and for an unset clock.
-    pub uncertainty_ns: u32,
+    /// How far UTC may be from it, in ns to either side; `u64::MAX` for an unset clock.
+    pub uncertainty_ns: u64,
     /// The count of leap seconds in it came from the sky.
     pub leap_seconds_known: bool,
 }
@@ -61,8 +62,9 @@ pub struct ClockModel {
 pub(crate) struct Quality {
     pub(crate) state: ClockState,
     pub(crate) leap_seconds_known: bool,
-    /// Half the width of the interval that holds UTC at `at`, in ns.
-    pub(crate) uncertainty_ns: u32,
+    /// Half the width of the interval that holds UTC at `at`, in ns. Below 2³² ns for a
+    /// clock whose second is proved, and below 2⁶¹ for one whose second is not.
+    pub(crate) uncertainty_ns: u64,
     /// By how much it widens, in 2⁻³² ns a cycle; below 2²⁹.
     pub(crate) growth: u32,
 }
@@ -77,7 +79,7 @@ impl ClockModel {
         quality: Quality {
             state: ClockState::Unset,
             leap_seconds_known: false,
-            uncertainty_ns: u32::MAX,
+            uncertainty_ns: u64::MAX,
             growth: 0,
         },
     };
@@ -133,7 +135,7 @@ impl ClockModel {
             (self.base.0 >> 32) as u32,
             self.fraction,
             self.mult,
-            quality.uncertainty_ns,
+            coarse_uncertainty(quality),
             quality.growth << 3 | (quality.leap_seconds_known as u32) << 2 | quality.state.bits(),
         ]
     }
@@ -147,39 +149,40 @@ impl ClockModel {
             base_high,
             fraction,
             mult,
-            uncertainty_ns,
+            uncertainty,
             rest,
         ] = words;
+        let state = match ClockState::from_bits(rest & 3) {
+            Some(state) => state,
+            None => ClockState::Unproved,
+        };
         Self {
             at: Cycles(at_low as u64 | (at_high as u64) << 32),
             base: UtcNanos((base_low as u64 | (base_high as u64) << 32).cast_signed()),
             fraction,
             mult,
             quality: Quality {
-                state: match ClockState::from_bits(rest & 3) {
-                    Some(state) => state,
-                    None => ClockState::Holdover,
-                },
+                state,
                 leap_seconds_known: rest & 4 != 0,
-                uncertainty_ns,
+                uncertainty_ns: match state {
+                    ClockState::Unset => u64::MAX,
+                    ClockState::Set | ClockState::Holdover => uncertainty as u64,
+                    ClockState::Unproved => (uncertainty as u64) << COARSE_BITS,
+                },
                 growth: rest >> 3,
             },
         }
     }
 
-    const fn uncertainty_at(&self, when: Cycles) -> u32 {
+    const fn uncertainty_at(&self, when: Cycles) -> u64 {
         // Counted in started units of 256 cycles: never too little.
         let units = (when.since(self.at).unsigned_abs() >> 8) + 1;
-        if units > u32::MAX as u64 {
-            return u32::MAX;
-        }
-        let grown = (units * self.quality.growth as u64) >> 24;
-        let all = grown + self.quality.uncertainty_ns as u64;
-        if all > u32::MAX as u64 {
-            u32::MAX
+        let grown = if units > u32::MAX as u64 {
+            ((units >> 24) + 1).saturating_mul(self.quality.growth as u64)
         } else {
-            all as u32
-        }
+            (units * self.quality.growth as u64) >> 24
+        };
+        grown.saturating_add(self.quality.uncertainty_ns)
     }
 
     /// The line's value at `when` and the fraction behind its point.
@@ -195,6 +198,20 @@ impl ClockModel {
             UtcNanos(self.base.0.wrapping_add(ns)),
             (product & FRACTION) as u32,
         )
+    }
+}
+
+/// An uncertainty in one word: in ns, or where the second is not proved in units of 0.54 s, rounded
+/// up, which reach 73 years.
+const fn coarse_uncertainty(quality: &Quality) -> u32 {
+    let units = match quality.state {
+        ClockState::Unproved => (quality.uncertainty_ns >> COARSE_BITS) + 1,
+        ClockState::Unset | ClockState::Set | ClockState::Holdover => quality.uncertainty_ns,
+    };
+    if units > u32::MAX as u64 {
+        u32::MAX
+    } else {
+        units as u32
     }
 }
 
@@ -343,6 +360,6 @@ mod tests {
         assert!((51_000..=51_002).contains(&after), "{after}");
         assert_eq!(before, after);
         let never = model.reading_at(Cycles(u64::MAX / 2)).uncertainty_ns;
-        assert_eq!(never, u32::MAX);
+        assert_eq!(never, u64::MAX);
     }
 }

@@ -26,7 +26,8 @@ pub enum Refusal {
     Inaccurate,
     /// The fields name no instant.
     Calendar(CalendarError),
-    /// The epoch is before [`Settings::EARLIEST`](crate::Settings::EARLIEST).
+    /// The epoch is before [`Settings::date_floor`](crate::Settings::date_floor), or 1024 weeks and
+    /// more after it.
     TooOld,
     /// The epoch lies in a leap second, which has no number of its own.
     LeapSecond,
@@ -47,8 +48,8 @@ pub enum Refusal {
     Early,
     /// The receiver's time drifts away as no crystal does.
     Drift,
-    /// The crystal, or the receiver, is more than 2 000 ppm off.
-    Crystal,
+    /// It waited behind other messages for longer than it can be believed with.
+    Waited,
 }
 
 impl fmt::Display for Refusal {
@@ -60,7 +61,7 @@ impl fmt::Display for Refusal {
             Self::Unconfirmed => "the time is not confirmed",
             Self::Inaccurate => "the receiver's accuracy is worse than 100 µs",
             Self::Calendar(error) => return error.fmt(f),
-            Self::TooOld => "the epoch is before 2016",
+            Self::TooOld => "the epoch is not within 1024 weeks of the date floor",
             Self::LeapSecond => "the epoch lies in a leap second",
             Self::Stamp => "the arrival is in the future or more than 10 s ago",
             Self::Backlog => "two changes of course are still to begin",
@@ -70,7 +71,7 @@ impl fmt::Display for Refusal {
             Self::Late => "later than any jitter",
             Self::Early => "earlier than any floor wanders",
             Self::Drift => "the receiver drifts as no crystal does",
-            Self::Crystal => "the crystal or the receiver is more than 2 000 ppm off",
+            Self::Waited => "it waited behind other messages",
         })
     }
 }
@@ -90,6 +91,10 @@ impl Error for Refusal {
 pub enum PulseRefusal {
     /// The clock is not set, so that it is unknown which second the pulse marks.
     Unnumbered,
+    /// Its width is not the one that the receiver was configured for, or none was.
+    Width,
+    /// Its train is not proved (yet) to be the receiver's pulse.
+    Unproved,
     /// It does not come on a second by the messages, whatever latency they have.
     OffSecond,
     /// It is not where the pulses before it predict it.
@@ -106,6 +111,8 @@ impl fmt::Display for PulseRefusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Unnumbered => "the clock is not set, so its second is unknown",
+            Self::Width => "not as wide as the receiver was configured to make it",
+            Self::Unproved => "not proved to be the receiver's pulse",
             Self::OffSecond => "not on a second",
             Self::OffLine => "not where the pulses before it predict it",
             Self::Doubled => "its second has had its pulse",

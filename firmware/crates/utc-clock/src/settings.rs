@@ -16,9 +16,18 @@ pub struct Settings {
     /// From the epoch to the first byte on the wire. 0 until it is known: what equal boards have
     /// in common cancels between them. \[ns\]
     pub latency_ns: u32,
-    /// How far off that may be. As long as the latency is taken for 0: 120 ms, what ArduPilot
-    /// assumes for the latency of an M8. \[ns\]
+    /// How far off that may be. As long as the latency is taken for 0: 150 ms, for ArduPilot
+    /// assumes 120 ms for the latency of an M8, and floors move. [ns]
     pub latency_uncertainty_ns: u32,
+    /// How far the receiver's pulse may be from UTC beyond what its own noise shows: the antenna's
+    /// cable has 5 ns a metre, and two receivers were 35 ns apart. [ns]
+    pub pulse_uncertainty_ns: u32,
+    /// The count of leap seconds, where nothing tells it: recordings without NAV-TIMELS. `None`:
+    /// the receiver has to prove it.
+    pub leap_seconds: Option<i8>,
+    /// The earliest date that is believed; 1024 weeks after it is the end. A setting, so that
+    /// old recordings can be played.
+    pub date_floor: UtcNanos,
     /// How much faster than the crystal the clock has to run.
     pub frequency: Ppb,
     /// How far off that may be. 50 ppm while it is taken for 0: the crystals of
@@ -31,14 +40,17 @@ impl Settings {
     pub const DEFAULT: Self = Self {
         require_confirmed: false,
         latency_ns: 0,
-        latency_uncertainty_ns: 120_000_000,
+        latency_uncertainty_ns: 150_000_000,
+        pulse_uncertainty_ns: 76,
+        leap_seconds: None,
+        date_floor: Self::DATE_FLOOR,
         frequency: Ppb(0),
         frequency_uncertainty: Ppb::from_ppm(50),
     };
 
-    /// 2016-01-01T00:00:00Z: no earlier epoch is believed. A constant, because the date of a
-    /// build would make old recordings unplayable and new firmware refuse an old receiver.
-    pub const EARLIEST: UtcNanos = UtcNanos(1_451_606_400_000_000_000);
+    /// 2025-01-01T00:00:00Z: no earlier epoch is believed. A constant that is raised with each
+    /// release, because the date of a build would make builds differ.
+    pub const DATE_FLOOR: UtcNanos = UtcNanos(1_735_689_600_000_000_000);
 
     /// The same for a receiver whose latency was measured \[ns\] and is known as well as one
     /// that is learnt under a pulse; 0 leaves it unknown.

@@ -104,7 +104,7 @@ fn the_clock_itself_stays_within_its_marks_and_never_runs_back() {
         assert!(clock.reading.utc > last.reading.utc, "{last:?} {clock:?}");
         let late_ns = START_UTC_NS + clock.at.0.cast_signed() - clock.reading.utc.0;
         assert!(
-            late_ns <= i64::from(clock.reading.uncertainty_ns),
+            late_ns <= clock.reading.uncertainty_ns.cast_signed(),
             "{clock:?}"
         );
         last = clock;

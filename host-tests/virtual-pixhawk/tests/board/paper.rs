@@ -157,7 +157,10 @@ fn each_says_what_it_is_and_has_its_priorities_and_its_tick() {
                 "{case:?}: {status:?}"
             );
         }
-        assert_eq!(board.clock().unwrap().reading.uncertainty_ns, u32::MAX);
+        assert_eq!(
+            board.clock().unwrap().reading.uncertainty_ns,
+            u64::from(u32::MAX)
+        );
 
         board.start_meter(&[]).unwrap();
         board.run_for(SECOND).unwrap();

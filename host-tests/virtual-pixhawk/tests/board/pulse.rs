@@ -110,7 +110,7 @@ fn of_an_edge_that_bounces_the_first_is_the_pulse() {
     let clock = board.clock().unwrap();
     let error_ns = clock.reading.utc.0 - START_UTC_NS - clock.at.0.cast_signed();
     println!("{error_ns} ns");
-    assert!(error_ns.abs() <= i64::from(clock.reading.uncertainty_ns));
+    assert!(error_ns.abs() <= clock.reading.uncertainty_ns.cast_signed());
     // A pulse at constant temperature: two boards are at most 130 ns apart.
     assert!(error_ns.abs() <= 130, "{error_ns} ns");
     let followed = status(&mut board, "edges_followed");

@@ -24,7 +24,7 @@ fn error_ns(clock: &ClockReading) -> i64 {
 
 /// Asserts that UTC lies within the clock's own uncertainty.
 fn assert_honest(clock: &ClockReading) {
-    let most_ns = i64::from(clock.reading.uncertainty_ns) + READING_NS;
+    let most_ns = clock.reading.uncertainty_ns.cast_signed() + READING_NS;
     assert!(error_ns(clock).abs() <= most_ns, "{clock:?}");
 }
 

@@ -40,7 +40,7 @@ impl Marks {
         let crystal_ns = arrival_us * self.crystal_ppb / 1_000_000;
         let at_us = arrival_us + crystal_ns / 1_000;
         self.envelope
-            .update(at_us as u64, (late_ns + crystal_ns) as u32)
+            .update(at_us as u64, (late_ns + crystal_ns) as u32, false)
     }
 
     /// Marks for so many seconds; the last floor.
@@ -117,7 +117,7 @@ fn what_is_too_early_has_to_be_confirmed() {
     for _ in 0..4 {
         assert_eq!(marks.handle(20 * MS), EnvelopeVerdict::Early);
     }
-    let EnvelopeVerdict::Moved(floor) = marks.handle(20 * MS) else {
+    let EnvelopeVerdict::Moved(floor, _) = marks.handle(20 * MS) else {
         panic!("confirmed");
     };
     assert_eq!(floor.excess_ns, 0);

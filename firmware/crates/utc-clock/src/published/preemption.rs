@@ -97,6 +97,7 @@ fn models() -> Vec<ClockModel> {
         // stamp.
         let now = Cycles((3 + u64::from(i)) * u64::from(CORE_HZ));
         let mark = TimeMark {
+            busy_us: 0,
             arrival: Cycles(now.0 - 1_000_000 * u64::from(1 + i % 2)),
             epoch: CivilTime {
                 year: 2026,

@@ -81,7 +81,7 @@ const MARK: &str = "<utc_clock::discipline::Discipline>::handle_mark";
 /// The clock's own part of a mark and of a pulse: the most expensive of 20 s in which
 /// it follows both, after eight minutes, when its memory is full.
 pub fn estimators(firmware: &Firmware) -> anyhow::Result<[Row; 2]> {
-    const PULSE: &str = "firmware::tasks::gnss::handle_pulse";
+    const PULSE: &str = "<utc_clock::clock::UtcClock>::handle_edge";
     let settings = receiver_settings();
     let mut board = Builder::new(firmware.clone())
         .gps(Receiver::new(settings.clone()))

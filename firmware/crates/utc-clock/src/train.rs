@@ -1,0 +1,313 @@
+//! Trains of pulses: which of them is *the* pulse.
+//!
+//! *Purpose.* An edge on a pin says nothing of itself. It may be a camera's, another module's, the
+//! other edge of an inverted pulse, one of ten a second. This keeps the trains of those that look
+//! like ours side by side, and says which one is proved.
+//!
+//! *Design.* A pulse is a rise and its fall, as wide as the receiver was configured to make it;
+//! others are only counted. A pulse belongs to the train whose [`PulseTrack`] expects it. A train
+//! is proved by [`PROOF`] pulses on end, each announced by a TIM-TP that knows UTC and names a
+//! whole second, with no other train of that shape at the same time and an accurate receiver. It
+//! stays so until the receiver itself says otherwise, or falls silent.
+//!
+//! Week, hour and base of TIM-TP are not needed for a phase, so that a receiver on GPS time or a
+//! week off spoils nothing.
+//!
+//! *Limits.* A train of the right width and rhythm at a wrong phase that the receiver's words
+//! fit cannot be told from the pulse, if nothing was followed before it.
+
+use timebase::{CORE_HZ, Cycles, Polarity, PulseEdge, PulseForecast};
+
+use crate::holdover::DRIFT_PPB_PER_S;
+use crate::refusal::PulseRefusal;
+use crate::track::{Fit, PulseTrack};
+
+/// So many trains are kept.
+const TRAINS: usize = 6;
+
+/// A pulse may be wider or narrower than configured by so much. [cycles] 2 ms
+const WIDTH_OFF: u64 = 2 * (CORE_HZ as u64 / 1_000);
+
+/// So many pulses on end prove a train.
+pub(crate) const PROOF: u8 = 8;
+
+/// A TIM-TP is about the next pulse, and so not older than this. [cycles] 1.3 s
+const FORECAST_LASTS: u64 = CORE_HZ as u64 / 10 * 13;
+/// A train that is proved stays so without TIM-TP for so long: a queue may hold it up. [cycles] 10 s
+const SILENCE_LASTS: u64 = 10 * CORE_HZ as u64;
+/// Another train was there so lately. [s]
+const ALONE_S: f32 = 5.0;
+/// A train without a pulse for so long is over. [s]
+const OVER_S: f32 = 10.0;
+
+/// TIM-TP that waited longer than so is about another pulse. [µs]
+const WAITED_US: u32 = 300_000;
+/// No tick of a u-blox receiver is longer: M8 21 ns, F9T 8 ns. [ps]
+const MOST_LATE_PS: i32 = 50_000;
+
+/// So far beside its track a pulse may be and still belong to its train: [ns]
+const DOOR_NS: f32 = 3_000.0;
+/// So many on end that are beside the track begin a new one.
+const MISFITS: u8 = 3;
+
+/// A pulse of the right width.
+#[derive(Clone, Copy, Debug)]
+struct Train {
+    track: PulseTrack,
+    /// Of the first pulse. [ns]
+    since_ns: u64,
+    pulses: u8,
+    proof: u8,
+    misfits: u8,
+}
+
+/// A rise whose fall has not come yet. By then the receiver may speak of the next pulse.
+#[derive(Clone, Copy, Debug)]
+struct Rise {
+    at: Cycles,
+    late_ns: i32,
+    is_vouched: bool,
+}
+
+/// What became of an edge.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum EdgeHeard {
+    /// It is a part of a pulse, or the first of a train.
+    Noted,
+    /// A pulse of a train that is proved, with the begin of that. [ns]
+    Proved {
+        /// The train's track, this pulse in it.
+        track: PulseTrack,
+        /// Which train.
+        train: u8,
+        /// For how long it has been steady. [s]
+        steady_s: f32,
+        /// By how much the receiver says that the pulse is late. [ns]
+        late_ns: i32,
+        /// When it rose.
+        rise: Cycles,
+    },
+    /// It is none to follow.
+    Refused(PulseRefusal),
+}
+
+/// What is known of the crystal.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CrystalKnown {
+    /// By how much it is fast. [ppb]
+    pub(crate) crystal_ppb: f32,
+    /// How far that may be off. [ppb]
+    pub(crate) uncertainty_ppb: f32,
+}
+
+/// The trains on the wire.
+#[derive(Clone, Debug)]
+pub(crate) struct Trains {
+    trains: [Option<Train>; TRAINS],
+    /// The width that the receiver was asked for and has acknowledged. [cycles]
+    width: Option<u64>,
+    rise: Option<Rise>,
+    forecast: Option<PulseForecast>,
+    /// When a TIM-TP last spoke for the pulse.
+    vouched_at: Option<Cycles>,
+}
+
+impl Trains {
+    /// No trains.
+    pub(crate) const fn new() -> Self {
+        Self {
+            trains: [None; TRAINS],
+            width: None,
+            rise: None,
+            forecast: None,
+            vouched_at: None,
+        }
+    }
+
+    /// The receiver has acknowledged a pulse of that width, or its pulse is nobody's. [µs]
+    pub(crate) fn handle_width(&mut self, width_us: Option<u32>) {
+        let width = width_us.map(|us| Cycles::from_micros(us.into()).0);
+        if width != self.width {
+            self.width = width;
+            self.trains = [None; TRAINS];
+        }
+    }
+
+    /// Nothing is proved any more.
+    pub(crate) fn distrust(&mut self) {
+        for train in self.trains.iter_mut().flatten() {
+            train.proof = 0;
+        }
+    }
+
+    /// Takes what the receiver says about its next pulse; whether its qErr is nonsense.
+    pub(crate) fn handle_forecast(&mut self, forecast: &PulseForecast) -> bool {
+        let speaks_for_it = forecast.is_utc_available && forecast.tow_ms.is_multiple_of(1_000);
+        if speaks_for_it {
+            self.vouched_at = Some(forecast.arrival);
+        } else {
+            self.vouched_at = None;
+            self.distrust();
+        }
+        self.forecast = Some(*forecast);
+        forecast
+            .late_ps
+            .is_some_and(|ps| ps.unsigned_abs() > MOST_LATE_PS.unsigned_abs())
+    }
+
+    /// Takes an edge.
+    pub(crate) fn handle_edge(&mut self, edge: &PulseEdge, crystal: CrystalKnown) -> EdgeHeard {
+        if edge.polarity == Polarity::Rise {
+            let is_bounce = self
+                .rise
+                .is_some_and(|rise| edge.at.0.wrapping_sub(rise.at.0) < WIDTH_OFF);
+            if is_bounce {
+                return EdgeHeard::Noted;
+            }
+            self.rise = Some(Rise {
+                at: edge.at,
+                late_ns: self.late_ns(edge.at),
+                is_vouched: self.vouched_at.is_some_and(|at| {
+                    (0..=FORECAST_LASTS.cast_signed()).contains(&edge.at.since(at))
+                }),
+            });
+            return EdgeHeard::Noted;
+        }
+        let Some(width) = self.width else {
+            return EdgeHeard::Refused(PulseRefusal::Width);
+        };
+        let Some(rise) = self.rise else {
+            return EdgeHeard::Refused(PulseRefusal::Width);
+        };
+        let high = edge.at.0.wrapping_sub(rise.at.0);
+        if high < WIDTH_OFF && width > 2 * WIDTH_OFF {
+            // A bounce: the rise before it counts.
+            return EdgeHeard::Noted;
+        }
+        self.rise = None;
+        if high.abs_diff(width) > WIDTH_OFF {
+            return EdgeHeard::Refused(PulseRefusal::Width);
+        }
+        self.handle_pulse(rise, crystal)
+    }
+
+    fn handle_pulse(&mut self, rise: Rise, crystal: CrystalKnown) -> EdgeHeard {
+        let Rise {
+            at: rise,
+            late_ns,
+            is_vouched,
+        } = rise;
+        let is_silent = self
+            .vouched_at
+            .is_none_or(|at| rise.since(at) > SILENCE_LASTS.cast_signed());
+        if is_silent {
+            self.distrust();
+        }
+        let edge_ns = rise.as_nanos().saturating_add_signed(i64::from(-late_ns));
+        let found = self.find(edge_ns);
+        let is_alone = !self.trains.iter().enumerate().any(|(index, train)| {
+            Some(index) != found.map(|(index, _)| index)
+                && train
+                    .as_ref()
+                    .is_some_and(|train| train.track.since_s(edge_ns) < ALONE_S)
+        });
+        let Some((index, fit)) = found else {
+            self.begin(edge_ns, crystal);
+            return EdgeHeard::Noted;
+        };
+        let Some(train) = self.trains.get_mut(index).and_then(Option::as_mut) else {
+            return EdgeHeard::Noted;
+        };
+        match fit {
+            Fit::Expected => {}
+            Fit::Beside(_) => {
+                train.misfits += 1;
+                if train.misfits >= MISFITS {
+                    *train = Train::new(edge_ns, crystal);
+                }
+                return EdgeHeard::Refused(PulseRefusal::OffLine);
+            }
+            Fit::Off => return EdgeHeard::Refused(PulseRefusal::OffLine),
+            Fit::Doubled => return EdgeHeard::Refused(PulseRefusal::Doubled),
+        }
+        train.misfits = 0;
+        train.pulses = train.pulses.saturating_add(1);
+        if train.proof < PROOF {
+            train.proof = if is_vouched && is_alone {
+                train.proof + 1
+            } else {
+                0
+            };
+        }
+        if train.proof < PROOF || !is_vouched {
+            return EdgeHeard::Refused(PulseRefusal::Unproved);
+        }
+        EdgeHeard::Proved {
+            track: train.track,
+            train: index as u8,
+            steady_s: edge_ns.wrapping_sub(train.since_ns) as f32 * 1e-9,
+            late_ns,
+            rise,
+        }
+    }
+
+    /// The train that a pulse belongs to, and where it is beside its track, which has taken it in.
+    fn find(&mut self, edge_ns: u64) -> Option<(usize, Fit)> {
+        for (index, place) in self.trains.iter_mut().enumerate() {
+            let Some(train) = place else { continue };
+            let since_s = train.track.since_s(edge_ns);
+            if since_s > OVER_S {
+                *place = None;
+                continue;
+            }
+            let door_ns = DOOR_NS + (120.0 + 2.0 * DRIFT_PPB_PER_S * since_s) * since_s;
+            let fit = train.track.update(edge_ns, door_ns);
+            if fit != Fit::Off {
+                return Some((index, fit));
+            }
+        }
+        None
+    }
+
+    fn begin(&mut self, edge_ns: u64, crystal: CrystalKnown) {
+        // In a free place, or the one of the train that has been silent the longest.
+        let place = self.trains.iter_mut().max_by_key(|place| {
+            place.as_ref().map_or(u64::MAX, |train| {
+                edge_ns.wrapping_sub(train.track.edge_ns())
+            })
+        });
+        if let Some(place) = place {
+            *place = Some(Train::new(edge_ns, crystal));
+        }
+    }
+
+    /// By how much the receiver says that this pulse is late. [ns]
+    fn late_ns(&mut self, rise: Cycles) -> i32 {
+        let Some(forecast) = self.forecast.take() else {
+            return 0;
+        };
+        let after = rise.since(forecast.arrival);
+        let is_about_it = (0..=CORE_HZ.into()).contains(&after) && forecast.busy_us <= WAITED_US;
+        match forecast.late_ps {
+            Some(late_ps)
+                if is_about_it && late_ps.unsigned_abs() <= MOST_LATE_PS.unsigned_abs() =>
+            {
+                // Rounded to the nearest: by a reciprocal of 2⁻³² steps.
+                ((i64::from(late_ps) * ((1 << 32) / 1_000) + (1 << 31)) >> 32) as i32
+            }
+            _ => 0,
+        }
+    }
+}
+
+impl Train {
+    const fn new(edge_ns: u64, crystal: CrystalKnown) -> Self {
+        Self {
+            track: PulseTrack::new(edge_ns, crystal.crystal_ppb, crystal.uncertainty_ppb),
+            since_ns: edge_ns,
+            pulses: 1,
+            proof: 0,
+            misfits: 0,
+        }
+    }
+}

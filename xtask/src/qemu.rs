@@ -254,7 +254,10 @@ fn sample(status: &Status, utc_ns: i64) -> Sample {
     Sample {
         state,
         offset_ns: shown_ns.map(|ns| ns - utc_ns),
-        uncertainty_ns: status.number("unc_ns").unwrap_or(u64::MAX),
+        uncertainty_ns: status
+            .number("unc_ns")
+            .and_then(|ns| u64::try_from(ns).ok())
+            .unwrap_or(u64::MAX),
     }
 }
 

@@ -108,8 +108,18 @@ impl Board {
             if due > now {
                 return;
             }
+            let before = self.clock.counters();
             self.clock.handle_timeout(due);
-            self.invariants.push(&self.clock, Step::None);
+            let after = self.clock.counters();
+            // A timeout steps by an announced leap second alone.
+            let step = if after.steps_forward != before.steps_forward {
+                Step::By(SECOND)
+            } else if after.steps_back != before.steps_back {
+                Step::By(-SECOND)
+            } else {
+                Step::None
+            };
+            self.invariants.push(&self.clock, step);
             if self.clock.poll_timeout().plus(TIMER_LATE) <= due {
                 // It asks for a time that is past: the next event is soon enough.
                 return;
@@ -149,10 +159,15 @@ impl Board {
 
     /// Handles a pulse that rises at `edge_ns`: its TIM-TP, its rise, and its fall.
     pub fn handle_pulse(&mut self, edge_ns: i64) -> PulseOutcome {
+        self.handle_pulse_of(edge_ns, PULSE_WIDTH_NS)
+    }
+
+    /// Handles one that is high for `width_ns` in the same way.
+    pub fn handle_pulse_of(&mut self, edge_ns: i64, width_ns: i64) -> PulseOutcome {
         let announced = self.cycles((edge_ns - FORECAST_AHEAD_NS).max(0));
         self.clock.handle_forecast(&good_forecast(announced, None));
         self.handle_edge_at(edge_ns, Polarity::Rise);
-        self.handle_edge_at(edge_ns + PULSE_WIDTH_NS, Polarity::Fall)
+        self.handle_edge_at(edge_ns + width_ns, Polarity::Fall)
     }
 
     /// Handles an edge of the pulse's wire at `edge_ns`, once the task has it.

@@ -2,20 +2,30 @@
 //!
 //! | queue | filled by | drained by | when full |
 //! |---|---|---|---|
-//! | events, 4 | the GNSS task at sets, steps and changes of the source; the MAVLink task and thread level with what becomes of a log | the MAVLink task, each second | the newest is dropped |
+//! | events, 8 | the GNSS task at sets, steps and what [`ClockNews`](crate::clock_news::ClockNews) sees; the MAVLink task and thread level with what becomes of a log | the MAVLink task, each second | the newest is dropped |
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 
 use crate::not_saved::NotSaved;
 
-static EVENTS: Channel<CriticalSectionRawMutex, ClockEvent, 4> = Channel::new();
+static EVENTS: Channel<CriticalSectionRawMutex, ClockEvent, 8> = Channel::new();
 
 /// What a person at a ground station is to know.
 #[derive(Clone, Copy)]
 pub enum ClockEvent {
     /// The clock was set.
     Set,
+    /// The second of a set clock is not proved, or not any more.
+    SecondUnproved,
+    /// Date and second are proved.
+    SecondProved,
+    /// The receiver names another second than the clock.
+    SecondContradicted,
+    /// No receiver steers the clock any more.
+    Holdover,
+    /// A receiver steers the clock again.
+    SteeredAgain,
     /// The clock stepped.
     Stepped {
         /// What was added to it. [ns]
@@ -40,7 +50,7 @@ pub enum ClockEvent {
 
 /// Puts an event into the queue.
 pub fn push(event: ClockEvent) {
-    // The queue is full when more than four events happen within a second. What is dropped then is
+    // The queue is full when more than eight events happen within a second. What is dropped then is
     // still in the log or in a counter.
     let _ = EVENTS.try_send(event);
 }

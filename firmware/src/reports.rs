@@ -8,7 +8,7 @@
 
 use timebase::{Cycles, Fix};
 use ubx_link::{LinkCounters, SessionCounters};
-use utc_clock::{Counters, Ppb, Source};
+use utc_clock::{Counters, Ppb, SecondProof, Source};
 
 use crate::drivers::card::CardErrors;
 use crate::drivers::pulse::EdgeCounters;
@@ -33,6 +33,8 @@ pub struct GnssReport {
     pub clock: Counters,
     /// What steers the clock.
     pub source: Source,
+    /// What is known about its second.
+    pub second: SecondProof,
     /// How much faster than the crystal the clock runs.
     pub frequency: Ppb,
     /// Edges on the pulse's wire.

@@ -175,7 +175,7 @@ impl<'a> Board<'a> {
         self.node.handle_timeout(self.cycles());
         let now = self.time();
         stream.write_all(&self.node.heartbeat(now))?;
-        stream.write_all(&self.node.system_time(now))?;
+        stream.write_all(&self.node.system_time(now, true))?;
         stream.write_all(&self.node.gps_raw_int(now, self.fix.as_ref()))
     }
 
@@ -285,7 +285,10 @@ impl Held<'_> {
                         Some(_) => ClockState::Set,
                         None => ClockState::Unset,
                     },
-                    uncertainty_ns: u32::MAX,
+                    uncertainty_ns: match time.utc_ns {
+                        Some(_) => 1_000,
+                        None => u64::MAX,
+                    },
                 });
             }
             RequestKind::Command(Command {

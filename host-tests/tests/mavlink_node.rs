@@ -14,7 +14,9 @@ mod mavlink_line;
 use mavlink_frames::{Frame, SIGNED};
 use mavlink_line::{BYTE, GROUND, TIME, ask, feed, node, parsed};
 use mavlink_node::client::{Client, Message};
-use mavlink_node::{Config, Fix, Node, NodeTime, PingReply, RequestKind, Severity, Version};
+use mavlink_node::{
+    Config, Fix, Node, NodeTime, PingReply, Plotted, RequestKind, Severity, Version,
+};
 use proptest::prelude::*;
 use timebase::{Cycles, StampedByte};
 
@@ -113,7 +115,7 @@ fn what_is_sent_each_second_leaves_an_arriving_frame_alone() {
     assert_eq!(feed(&mut node, 0, head), []);
     for _ in 0..3 {
         node.heartbeat(TIME);
-        node.system_time(TIME);
+        node.system_time(TIME, true);
         node.gps_raw_int(TIME, None);
     }
     assert_eq!(feed(&mut node, u64::from(BYTE) * 12, tail).len(), 1);
@@ -340,8 +342,44 @@ fn heartbeat_and_system_time_have_the_state_of_the_clock() {
         assert_eq!(*node.heartbeat(TIME), active);
 
         let time = |unix_us: u64| [&unix_us.to_le_bytes()[..], &90_000_u32.to_le_bytes()].concat();
-        assert_eq!(*node.system_time(UNSET), sent(v2, 2, (2, 137), time(0)));
-        assert_eq!(*node.system_time(TIME), sent(v2, 3, (2, 137), time(UTC_US)));
+        assert_eq!(
+            *node.system_time(UNSET, true),
+            sent(v2, 2, (2, 137), time(0))
+        );
+        assert_eq!(
+            *node.system_time(TIME, true),
+            sent(v2, 3, (2, 137), time(UTC_US))
+        );
+        // A time that is not proved is none to set other clocks by.
+        let unproved = node.system_time(TIME, false);
+        assert_eq!(*unproved, sent(v2, 4, (2, 137), time(0)));
+    }
+}
+
+#[test]
+fn what_is_plotted_has_a_name_and_a_value() {
+    for v2 in [false, true] {
+        let mut node = node_on(v2);
+        for (sequence, (what, name)) in (0..).zip([
+            (Plotted::Uncertainty, "CLK_UNC_NS"),
+            (Plotted::Frequency, "CLK_PPB"),
+            (Plotted::Source, "CLK_SOURCE"),
+            (Plotted::Unproved, "CLK_UNPROV"),
+        ]) {
+            let mut payload = 90_000_u32.to_le_bytes().to_vec();
+            payload.extend(18_000_000_410_f32.to_le_bytes());
+            payload.extend(name.bytes());
+            payload.resize(18, 0);
+            let frame = node.plot(TIME, what, 18_000_000_410.0);
+            assert_eq!(*frame, sent(v2, sequence, (251, 170), payload));
+            let Some(Message::Plotted { name: text, .. }) = parsed(&frame) else {
+                panic!("{frame:?}");
+            };
+            assert_eq!((text.as_str(), what.name()), (name, name));
+        }
+        assert_eq!(Plotted::ALL.len(), 4);
+        let unknown = parsed(&node.plot(UNSET, Plotted::Uncertainty, f32::NAN));
+        assert!(matches!(unknown, Some(Message::Plotted { value, .. }) if value.is_nan()));
     }
 }
 
@@ -447,7 +485,7 @@ proptest! {
             Some(Message::Ping { time_usec: us, seq, target: GROUND })
         );
         prop_assert_eq!(
-            parsed(&node.system_time(time)),
+            parsed(&node.system_time(time, true)),
             Some(Message::SystemTime {
                 time_unix_usec: utc_ns.map_or(0, |ns| (ns / 1_000) as u64),
                 time_boot_ms: (boot_us / 1_000) as u32,
@@ -464,7 +502,7 @@ proptest! {
             prop_assert!(!node.answer(&request, time).is_empty());
         }
         node.heartbeat(time);
-        node.system_time(time);
+        node.system_time(time, true);
         node.gps_raw_int(time, None);
     }
 }

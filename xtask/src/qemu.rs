@@ -246,18 +246,19 @@ fn read_log(
 
 /// The clock by a status line that was read at `utc_ns`.
 fn sample(status: &Status, utc_ns: i64) -> Sample {
-    let Some(state @ (ClockState::Set | ClockState::Holdover)) = status.state() else {
+    let claimed_ns = status.get("unc_ns").and_then(|ns| ns.parse().ok());
+    let (Some(state), Some(uncertainty_ns)) = (status.state(), claimed_ns) else {
         return Sample::UNSET;
     };
+    if state == ClockState::Unset {
+        return Sample::UNSET;
+    }
     let shown: Option<Timestamp> = status.get("utc").and_then(|utc| utc.parse().ok());
     let shown_ns = shown.and_then(|utc| i64::try_from(utc.as_nanosecond()).ok());
     Sample {
         state,
         offset_ns: shown_ns.map(|ns| ns - utc_ns),
-        uncertainty_ns: status
-            .number("unc_ns")
-            .and_then(|ns| u64::try_from(ns).ok())
-            .unwrap_or(u64::MAX),
+        uncertainty_ns,
     }
 }
 
@@ -291,7 +292,18 @@ mod tests {
                 uncertainty_ns: 410,
             }
         );
-        let unset = status("status state=unset source=- utc=- unc_ns=4294967295");
+        let unset = status("status state=unset source=- utc=- unc_ns=18446744073709551615");
         assert_eq!(sample(&unset, 0), Sample::UNSET);
+        let unproved = status(
+            "status state=unproved second=open utc=2026-11-22T04:00:00.123456Z unc_ns=18000000410",
+        );
+        assert_eq!(
+            sample(&unproved, 1_795_320_003_123_456_000),
+            Sample {
+                state: ClockState::Unproved,
+                offset_ns: Some(-3_000_000_000),
+                uncertainty_ns: 18_000_000_410,
+            }
+        );
     }
 }

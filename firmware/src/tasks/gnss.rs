@@ -1,16 +1,15 @@
 //! The GNSS task: the receiver's messages and pulses go to the clock.
 
-use core::mem;
-
 use embassy_futures::select::select3;
 use embassy_time::Timer;
 use timebase::{CORE_HZ, Cycles, TimeMark};
 use ubx_link::Event;
-use utc_clock::{Outcome, PulseOutcome, Settings, Source, UtcClock};
+use utc_clock::{Outcome, PulseOutcome, Settings, UtcClock};
 
 use super::receiver::{REPORT_EVERY, Receiver, first_instant_after};
 use crate::clock::CLOCK;
 use crate::clock_events::{self, ClockEvent};
+use crate::clock_news::ClockNews;
 use crate::drivers::pulse::Pulse;
 use crate::drivers::time;
 use crate::drivers::uart::{Reader, Writer};
@@ -37,7 +36,9 @@ pub async fn run(line: (Reader, Writer), pulse: Pulse) {
         gnss.handle_pulses();
         gnss.configure(now);
         gnss.clock.handle_timeout(now);
-        gnss.note_source();
+        // As it is on the newest course.
+        let state = CLOCK.reading_at(gnss.clock.course_begins().max(now)).state;
+        gnss.news.note(&gnss.clock, state);
         if now >= report_due {
             report_due = now.plus(REPORT_EVERY);
             GNSS.set(gnss.report());
@@ -55,8 +56,7 @@ struct Gnss {
     clock: UtcClock<'static>,
     /// The last edge of the pulse's wire.
     edge: Option<Cycles>,
-    /// What steered the clock last.
-    source: Source,
+    news: ClockNews,
 }
 
 impl Gnss {
@@ -76,7 +76,7 @@ impl Gnss {
             pulse,
             clock,
             edge: None,
-            source: Source::Nothing,
+            news: ClockNews::new(),
         }
     }
 
@@ -115,22 +115,6 @@ impl Gnss {
         }
     }
 
-    /// Reports that the pulse begins to steer the clock, or does not steer it any more.
-    fn note_source(&mut self) {
-        let before = mem::replace(&mut self.source, self.clock.source());
-        match (before == Source::Pulse, self.source == Source::Pulse) {
-            (false, true) => {
-                defmt::info!("the pulse steers the clock");
-                clock_events::push(ClockEvent::PulseFollowed);
-            }
-            (true, false) => {
-                defmt::warn!("the pulse does not steer the clock any more");
-                clock_events::push(ClockEvent::PulseLost);
-            }
-            _ => {}
-        }
-    }
-
     /// Goes on with the receiver's configuration.
     fn configure(&mut self, now: Cycles) {
         let has_pulse = self.edge.is_some_and(|edge| edge.plus(FORECASTS_FOR) > now);
@@ -149,7 +133,8 @@ impl Gnss {
         GnssReport {
             receiver: self.receiver.report(),
             clock: self.clock.counters(),
-            source: self.source,
+            source: self.clock.source(),
+            second: self.clock.second_proof(),
             frequency: self.clock.frequency(),
             edges: self.pulse.counters(),
         }

@@ -5,6 +5,7 @@
 //! | unset | five flashes a second |
 //! | set | a short flash a second |
 //! | holdover | a long flash a second |
+//! | second not proved | two short flashes a second |
 
 use embassy_time::Timer;
 use timebase::ClockState;
@@ -17,16 +18,19 @@ use crate::drivers::time;
 #[embassy_executor::task]
 pub async fn run(mut led: Led) {
     loop {
-        let (lit_ms, dark_ms) = match clock::reading_at(time::now()).state {
-            ClockState::Unset => (100, 100),
-            ClockState::Set => (50, 950),
-            ClockState::Holdover => (500, 500),
-            ClockState::Unproved => (950, 50),
+        // Lit and dark in turn, for so many ms.
+        let pattern: &[u16] = match clock::reading_at(time::now()).state {
+            ClockState::Unset => &[100, 100],
+            ClockState::Set => &[50, 950],
+            ClockState::Holdover => &[500, 500],
+            ClockState::Unproved => &[50, 200, 50, 700],
         };
         // One await in the loop: each brings the whole of a timer.
-        for (is_lit, for_ms) in [(true, lit_ms), (false, dark_ms)] {
+        let mut is_lit = true;
+        for &for_ms in pattern {
             led.set_lit(is_lit);
-            Timer::after_millis(for_ms).await;
+            is_lit = !is_lit;
+            Timer::after_millis(for_ms.into()).await;
         }
     }
 }

@@ -15,7 +15,7 @@ use embassy_time::{Instant, Timer};
 use paper_clock::{Outcome, PaperClock, Wait, wakes_at};
 use timebase::{Cycles, TimeMark};
 use ubx_link::Event;
-use utc_clock::Ppb;
+use utc_clock::{Ppb, SecondProof};
 use variant::Variant;
 
 use super::receiver::{REPORT_EVERY, Receiver, first_instant_after};
@@ -83,6 +83,7 @@ fn report(receiver: &Receiver, clock: &PaperClock) -> GnssReport {
         receiver: receiver.report(),
         clock: clock.counters(),
         source: clock.source(),
+        second: SecondProof::Open,
         frequency: Ppb(0),
         edges: EdgeCounters::default(),
     }

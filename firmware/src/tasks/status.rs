@@ -35,9 +35,10 @@ fn log() {
     let mavlink = MAVLINK.get();
     let clock = gnss.map(|report| report.clock).unwrap_or_default();
     defmt::info!(
-        "status variant={} state={} source={} utc={} unc_ns={=u64} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}{}",
+        "status variant={} state={} second={} source={} utc={} unc_ns={=u64} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}{}",
         VARIANT,
         reading.state,
+        gnss.map(|report| report.second).unwrap_or_default(),
         gnss.map(|report| report.source).unwrap_or_default(),
         Utc(reading),
         reading.uncertainty_ns,

@@ -3,14 +3,12 @@
 //! *Purpose.* An [`Event`] is a line that a person reads between two rows of figures.
 //!
 //! *Design.* Most of it are sentences of the firmware's log, which are recognised here. What the
-//! firmware only counts (refusals, holdovers) shows where two status lines differ: [`News`] compares
+//! firmware only counts (refusals) shows where two status lines differ: [`News`] compares
 //! them.
 //!
 //! *Limits.* A sentence that is not recognised is shown as it is, if it is at least a warning.
 
 use std::fmt;
-
-use timebase::ClockState;
 
 use crate::{Level, LogLine, Status, units};
 
@@ -28,6 +26,12 @@ pub enum Event {
     PulseFollowed,
     /// The time pulse does not steer it any more.
     PulseLost,
+    /// Date and second are proved.
+    SecondProved,
+    /// The second is not proved, or not any more.
+    SecondUnproved,
+    /// Marks name another second than the clock.
+    SecondContradicted,
     /// No mark for a while: the clock runs on by itself.
     Holdover,
     /// Marks are back after a holdover.
@@ -56,6 +60,11 @@ impl Event {
             "the clock is set" => return Some(Self::Set),
             "the pulse steers the clock" => return Some(Self::PulseFollowed),
             "the pulse does not steer the clock any more" => return Some(Self::PulseLost),
+            "the second is proved" => return Some(Self::SecondProved),
+            "the second is not proved" => return Some(Self::SecondUnproved),
+            "the receiver contradicts the second" => return Some(Self::SecondContradicted),
+            "no receiver steers the clock any more" => return Some(Self::Holdover),
+            "a receiver steers the clock again" => return Some(Self::MarksAgain),
             _ => {}
         }
         let step = line.text.strip_prefix(STEP.0);
@@ -71,7 +80,12 @@ impl Event {
     pub const fn is_trouble(&self) -> bool {
         matches!(
             self,
-            Self::PulseLost | Self::Holdover | Self::Refused { .. } | Self::Logged(_)
+            Self::PulseLost
+                | Self::Holdover
+                | Self::SecondUnproved
+                | Self::SecondContradicted
+                | Self::Refused { .. }
+                | Self::Logged(_)
         )
     }
 }
@@ -85,7 +99,10 @@ impl fmt::Display for Event {
             }
             Self::PulseFollowed => f.write_str("the clock follows the time pulse"),
             Self::PulseLost => f.write_str("the clock does not follow the time pulse any more"),
-            Self::Holdover => f.write_str("no mark for 2 s: the clock runs on by itself"),
+            Self::SecondProved => f.write_str("date and second are proved"),
+            Self::SecondUnproved => f.write_str("the second is not proved: it may be off by more"),
+            Self::SecondContradicted => f.write_str("the receiver names another second"),
+            Self::Holdover => f.write_str("no mark any more: the clock runs on by itself"),
             Self::MarksAgain => f.write_str("marks are back: the clock is steered again"),
             Self::Refused { kind, count } => write!(f, "refused: {}", refusals(kind, *count)),
             Self::ClientConnected => f.write_str("a client connects"),
@@ -113,11 +130,6 @@ impl News {
     pub fn push(&mut self, status: &Status) -> Vec<Event> {
         let last = self.last.replace(status.clone()).unwrap_or_default();
         let mut events = Vec::new();
-        match (last.state(), status.state()) {
-            (Some(ClockState::Set), Some(ClockState::Holdover)) => events.push(Event::Holdover),
-            (Some(ClockState::Holdover), Some(ClockState::Set)) => events.push(Event::MarksAgain),
-            _ => {}
-        }
         for (kind, count) in status.refusals() {
             let before = last.refusals().find(|(other, _)| *other == kind);
             let count = count - before.map_or(0, |(_, before)| before).min(count);
@@ -151,6 +163,14 @@ mod tests {
                 "the pulse does not steer the clock any more",
                 Event::PulseLost,
             ),
+            ("the second is proved", Event::SecondProved),
+            ("the second is not proved", Event::SecondUnproved),
+            (
+                "the receiver contradicts the second",
+                Event::SecondContradicted,
+            ),
+            ("no receiver steers the clock any more", Event::Holdover),
+            ("a receiver steers the clock again", Event::MarksAgain),
             (
                 "the clock steps by -113797 ns",
                 Event::Stepped { by_ns: -113_797 },
@@ -181,16 +201,9 @@ mod tests {
         assert_eq!(push("status state=set mark_late=2 pulse_locks=2"), []);
         assert_eq!(
             push("status state=holdover mark_late=5 pulse_off_line=1"),
-            [
-                Event::Holdover,
-                refused("mark_late", 3),
-                refused("pulse_off_line", 1)
-            ]
+            [refused("mark_late", 3), refused("pulse_off_line", 1)]
         );
-        assert_eq!(
-            push("status state=set mark_late=5 pulse_off_line=1"),
-            [Event::MarksAgain]
-        );
+        assert_eq!(push("status state=set mark_late=5 pulse_off_line=1"), []);
     }
 
     #[test]

@@ -113,12 +113,13 @@ impl Columns {
     }
 }
 
-/// An uncertainty with its unit; what has no room in its type is at least 4.3 s.
+/// An uncertainty with its unit, which is days where seconds have no room in their column.
 pub(crate) fn uncertainty(ns: u64) -> String {
-    if ns == u64::MAX {
-        "> 4.2 s".to_owned()
+    const DAY_NS: u64 = 86_400_000_000_000;
+    if ns < DAY_NS {
+        units::magnitude(ns)
     } else {
-        units::magnitude(ns.into())
+        format!("{} d", ns.div_ceil(DAY_NS))
     }
 }
 
@@ -194,7 +195,11 @@ mod tests {
         };
         let heading = plain(&TWO.heading());
         let rows = [
-            [cell(-61_030_000, 121_000_000), cell(5, u64::MAX)],
+            [
+                cell(-61_030_000, 121_000_000),
+                cell(5, 1_024 * 7 * 86_400_000_000_000),
+            ],
+            [cell(3_000_000_000, 18_000_000_410), cell(5, 1 << 60)],
             [cell(12, 45), cell(-999_900_000, 1_230_000)],
             [UNSET, cell(-1, 1)],
             [None, cell(-1, 1)],
@@ -225,6 +230,20 @@ mod tests {
         assert_eq!(plain(&row), "     7 s  set by messages ±121 ms");
         assert_eq!(plain(&one.heading()), "     t    board 1");
         assert_eq!(plain(&one.row(7, &[UNSET])), "     7 s  not set");
+    }
+
+    #[test]
+    fn what_is_not_proved_is_said() {
+        let mut unproved = cell(-3_000_000_000, 18_000_000_410);
+        if let Some(cell) = &mut unproved {
+            cell.sample.state = ClockState::Unproved;
+        }
+        assert_eq!(
+            plain(&TWO.row(5, &[unproved, None])),
+            "     5 s  second unproved  −3.000 s  ±18.0 s   –                                    –"
+        );
+        // A clock that claims nothing has no interval to be outside of.
+        assert!(!format!("{:?}", TWO.row(5, &[UNSET, None])).contains('±'));
     }
 
     #[test]

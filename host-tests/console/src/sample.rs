@@ -11,8 +11,8 @@ pub struct Sample {
     pub state: ClockState,
     /// The clock less the reference of all boards, in ns. `None` while it is unset.
     pub offset_ns: Option<i64>,
-    /// What the clock claims: UTC is at most so far from it to either side, in ns. `u64::MAX`
-    /// stands for 4.3 s and more.
+    /// What the clock claims: UTC is at most so far from it to either side, in ns. Nothing is
+    /// claimed while it is unset.
     pub uncertainty_ns: u64,
 }
 
@@ -27,7 +27,7 @@ impl Sample {
     /// The clock is further off than it claims.
     pub(crate) fn is_misleading(&self) -> bool {
         let is_beyond = |ns: i64| ns.unsigned_abs() > self.uncertainty_ns.into();
-        self.uncertainty_ns < u64::MAX && self.offset_ns.is_some_and(is_beyond)
+        self.state != ClockState::Unset && self.offset_ns.is_some_and(is_beyond)
     }
 }
 

@@ -49,8 +49,8 @@ impl Status {
     #[must_use]
     pub fn state(&self) -> Option<ClockState> {
         let word = self.get("state")?;
-        [ClockState::Unset, ClockState::Set, ClockState::Holdover]
-            .into_iter()
+        (0..)
+            .map_while(ClockState::from_bits)
             .find(|state| state.as_str() == word)
     }
 

@@ -13,7 +13,7 @@
 
 use std::collections::BTreeMap;
 
-use mavlink_node::client::{EARLIEST_UTC_US, Message};
+use mavlink_node::client::{self, Message};
 
 use crate::record::{Anomaly, Record, Sample, Verdict};
 
@@ -136,7 +136,7 @@ impl Conversation {
                 .any(|&(from, to)| (from..to).contains(&at))
         };
         for sample in &mut samples {
-            let is_set = sample.board_ns / 1_000 >= EARLIEST_UTC_US.cast_signed();
+            let is_set = u64::try_from(sample.board_ns / 1_000).is_ok_and(client::is_utc);
             if let Some(utc_ns) = utc_ns.filter(|_| is_set) {
                 sample.error_ns = Some(sample.board_ns - utc_ns(sample.sent_ns));
             }

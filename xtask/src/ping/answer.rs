@@ -14,7 +14,7 @@ use std::time::Duration;
 use console::units;
 use jiff::Timestamp;
 use mavlink_node::Version;
-use mavlink_node::client::EARLIEST_UTC_US;
+use mavlink_node::client;
 
 /// Bits a byte: a start bit, eight, a stop bit.
 const BITS_PER_BYTE: u64 = 10;
@@ -66,7 +66,7 @@ impl Answer {
     pub fn difference_us(&self) -> Option<i64> {
         let host_us = (self.sent_utc_ns + nanos(self.round_trip / 2)) / 1_000;
         let utc_us = i64::try_from(self.node_us).ok()?;
-        (self.node_us >= EARLIEST_UTC_US).then(|| utc_us - host_us)
+        client::is_utc(self.node_us).then(|| utc_us - host_us)
     }
 
     /// The node's UTC in ns since 1970, up to [`CUT_NS`] too small.

@@ -1,7 +1,7 @@
 //! What a node sends without being asked.
 //!
 //! *Purpose.* HEARTBEAT, SYSTEM_TIME and GPS_RAW_INT, once a second each, and STATUSTEXT when
-//! something happens.
+//! something happens. What ground stations plot is in [`plotted`](crate::plotted).
 //!
 //! *Design.* In MAVLink 1 until a frame of MAVLink 2 was received, in MAVLink 2 from then on: a
 //! MAVLink 1 client may not understand MAVLink 2, and a MAVLink 2 client understands both. PX4 does
@@ -73,10 +73,11 @@ impl Node {
         self.sender.message(self.version, &heartbeat)
     }
 
-    /// SYSTEM_TIME: UTC is 0 until the clock is set.
-    pub fn system_time(&mut self, time: NodeTime) -> Frame {
+    /// SYSTEM_TIME: UTC is 0 unless it is set and date and second `are_proved`, because others set
+    /// their clocks by it.
+    pub fn system_time(&mut self, time: NodeTime, are_proved: bool) -> Frame {
         let system_time = SYSTEM_TIME_DATA {
-            time_unix_usec: time.utc_us(),
+            time_unix_usec: if are_proved { time.utc_us() } else { 0 },
             time_boot_ms: time.boot_ms(),
         };
         self.sender.message(self.version, &system_time)

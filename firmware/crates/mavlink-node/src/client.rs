@@ -14,8 +14,8 @@ use mavlink::MessageData;
 use mavlink::dialects::common::{
     COMMAND_ACK_DATA, COMMAND_LONG_DATA, GPS_RAW_INT_DATA, HEARTBEAT_DATA, LOG_DATA_DATA,
     LOG_ENTRY_DATA, LOG_ERASE_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA,
-    LOG_REQUEST_LIST_DATA, MavCmd, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA,
-    PARAM_VALUE_DATA, STATUSTEXT_DATA, SYSTEM_TIME_DATA, TIMESYNC_DATA,
+    LOG_REQUEST_LIST_DATA, MavCmd, NAMED_VALUE_FLOAT_DATA, PARAM_REQUEST_LIST_DATA,
+    PARAM_REQUEST_READ_DATA, PARAM_VALUE_DATA, STATUSTEXT_DATA, SYSTEM_TIME_DATA, TIMESYNC_DATA,
 };
 use sample_log::Test;
 use timebase::StampedByte;
@@ -112,6 +112,13 @@ pub enum Message {
         /// The number of bytes; 0 at the end of the log.
         count: u8,
     },
+    /// NAMED_VALUE_FLOAT: a value to plot.
+    Plotted {
+        /// Its name, as in [`Plotted::name`](crate::Plotted::name).
+        name: Text<10>,
+        /// Its value; NaN if it is not known.
+        value: f32,
+    },
     /// STATUSTEXT: a text for people.
     StatusText {
         /// MAV_SEVERITY: 3 error, 4 warning, 5 notice, 6 info.
@@ -128,9 +135,14 @@ pub const GROUND_STATION: Address = Address {
     component: 190,
 };
 
-/// A node's time in µs below this is a time since boot: 2016-01-01, before which no node
-/// sets its clock.
-pub const EARLIEST_UTC_US: u64 = 1_451_606_400_000_000;
+/// No node is up for so long: 30 years. And none has a receiver that is older. \[µs\]
+const LONGEST_UP_US: u64 = 30 * 365 * 86_400 * 1_000_000;
+
+/// Whether a node's time, in µs as in an answer to a PING, is UTC and not the time since boot.
+#[must_use]
+pub const fn is_utc(time_usec: u64) -> bool {
+    time_usec >= LONGEST_UP_US
+}
 
 impl Message {
     /// MAV_RESULT_ACCEPTED: done.
@@ -156,6 +168,7 @@ impl Wanted for Answers {
         Kind::of::<PARAM_VALUE_DATA>(25, 1),
         Kind::of::<LOG_ENTRY_DATA>(14, 1),
         Kind::of::<LOG_DATA_DATA>(97, 1),
+        Kind::of::<NAMED_VALUE_FLOAT_DATA>(18, 1),
         Kind::of::<STATUSTEXT_DATA>(51, 1),
     ];
 }
@@ -365,6 +378,13 @@ fn parse(frame: &Delimited<MAX_PAYLOAD>) -> Option<Message> {
                 offset: log.ofs,
                 data: log.data,
                 count: log.count.min(LOG_DATA_LEN as u8),
+            }
+        }
+        NAMED_VALUE_FLOAT_DATA::ID => {
+            let named = NAMED_VALUE_FLOAT_DATA::deser(V2, payload).ok()?;
+            Message::Plotted {
+                name: Text::new(named.name.into()),
+                value: named.value,
             }
         }
         _ => {

@@ -1,8 +1,8 @@
 //! A MAVLink endpoint that answers with the time at which a request arrived.
 //!
 //! *Purpose.* MAVLink 1 and 2 on one serial line: PING and TIMESYNC answered, a test begun and
-//! ended, other commands refused, read-only parameters and a log served, HEARTBEAT, SYSTEM_TIME and
-//! GPS_RAW_INT sent. The types that matter:
+//! ended, other commands refused, read-only parameters and a log served, HEARTBEAT, SYSTEM_TIME,
+//! GPS_RAW_INT and values to plot sent. The types that matter:
 //!
 //! - [`Node`], the endpoint: bytes in, requests out, answers made;
 //! - [`Request`], which has the arrival of its first byte, and [`NodeTime`], the node's time then;
@@ -66,6 +66,7 @@ pub mod node;
 mod node_time;
 mod parameter;
 mod ping;
+mod plotted;
 mod request;
 mod severity;
 mod wanted;
@@ -77,6 +78,7 @@ pub use log_transfer::{LOG_DATA_LEN, LogFile};
 pub use node::{Config, Counters, Node, PingReply};
 pub use node_time::NodeTime;
 pub use parameter::{Name, Parameter, Parameters, Text};
+pub use plotted::Plotted;
 pub use request::{Request, RequestKind};
 pub use sample_log::Test;
 pub use severity::Severity;

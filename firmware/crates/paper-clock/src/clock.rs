@@ -8,13 +8,18 @@
 //! the writer and the readers of this clock pass the last tick
 //! ([`last_tick`](timebase::tick::last_tick)) as the time.
 //!
-//! *Limits.* Its uncertainty is not known, and it has no holdover: it runs on.
+//! *Limits.* It proves nothing: from its first mark on its second is not proved, with the
+//! uncertainty that its own gate leaves. It has no holdover: it runs on.
 
 use timebase::{ClockState, Cycles, TimeMark};
 use utc_clock::{CalendarError, Counters, Reading, Source, UtcNanos};
 
 /// PX4's `GPS_EPOCH_SECS`, 2009-02-13T23:31:30Z: it sets no clock to this or before.
 const EARLIEST: UtcNanos = UtcNanos(1_234_567_890_000_000_000);
+
+/// It believes any later date, so that a receiver whose weeks have rolled over makes it wrong by as
+/// much: 1024 weeks. [ns]
+const UNCERTAINTY_NS: u64 = 1_024 * 7 * 86_400 * 1_000_000_000;
 
 /// The clock that each mark sets.
 #[derive(Clone, Copy, Debug, Default)]
@@ -68,11 +73,15 @@ impl BaseTime {
         Reading {
             utc: self.utc_at(last_tick),
             state: if self.is_set {
-                ClockState::Set
+                ClockState::Unproved
             } else {
                 ClockState::Unset
             },
-            uncertainty_ns: u32::MAX as u64,
+            uncertainty_ns: if self.is_set {
+                UNCERTAINTY_NS
+            } else {
+                u64::MAX
+            },
             leap_seconds_known: self.leap_seconds_known,
         }
     }
@@ -251,8 +260,8 @@ mod tests {
         assert_eq!(clock.source(), Source::Nothing);
         assert_eq!(clock.handle_mark(&mark(0), Cycles(50 * MS)), Outcome::Set);
         let reading = clock.base_time().reading_at(Cycles(50 * MS));
-        assert_eq!((reading.utc, reading.state), (FOUR, ClockState::Set));
-        assert_eq!(reading.uncertainty_ns, u32::MAX.into());
+        assert_eq!((reading.utc, reading.state), (FOUR, ClockState::Unproved));
+        assert_eq!(reading.uncertainty_ns, UNCERTAINTY_NS);
         assert!(reading.leap_seconds_known);
         // 9 ms later than the one before, and then 9 ms earlier.
         for (tick_ms, nano, by_ns) in [

@@ -25,6 +25,7 @@
 //! // the clock is late by all that has passed since.
 //! let mark = TimeMark {
 //!     arrival: Cycles::from_micros(200_300),
+//!     busy_us: 0,
 //!     epoch: CivilTime { year: 2026, month: 11, day: 22, hour: 4, minute: 0, second: 0, nano: 0 },
 //!     t_acc_ns: 20,
 //!     validity: Validity { date: true, time: true, fully_resolved: true, ..Validity::default() },

@@ -4,6 +4,9 @@
 //! samples in it alone. Numbers have leading zeros for that, which programs that read such
 //! files ignore. The sequence number is longer where the state is shorter.
 //!
+//! The column `clock_state` says what is not known: `unproved` is a clock whose date and second are
+//! not proved, or contradicted, and `unset` one whose time is that since boot.
+//!
 //! *Limits.* A time before 1970 is written as 0. Lines end with CR and LF (RFC 4180).
 
 use timebase::divide;
@@ -11,18 +14,18 @@ use timebase::divide;
 use crate::Sample;
 
 /// Bytes of a line, the header included.
-pub const LINE: usize = 67;
+pub const LINE: usize = 77;
 
 /// The first line.
 pub const HEADER: &[u8; LINE] =
-    b"sequence,ping_time_us,board_time_ns,clock_state,uncertainty_in_ns\r\n";
+    b"sequence,ping_time_us,board_time_ns,clock_state,uncertainty_on_each_side_ns\r\n";
 
 /// Digits of the PING's time: enough until 2286.
 const PING_DIGITS: usize = 16;
 /// Digits of the board's time: enough for `i64`.
 const BOARD_DIGITS: usize = 19;
-/// Digits of the uncertainty: enough for `u32`.
-const UNCERTAINTY_DIGITS: usize = 10;
+/// Digits of the uncertainty: enough for `u64`.
+const UNCERTAINTY_DIGITS: usize = 20;
 
 /// The length of the file of a log with that number of samples, in bytes; `u32::MAX` beyond 4 GB.
 #[must_use]
@@ -36,7 +39,7 @@ pub fn line(sample: &Sample) -> [u8; LINE] {
     let mut line = [b','; LINE];
     // Filled from its end to its beginning.
     let free = write(&mut line, b"\r\n");
-    let free = digits(free, UNCERTAINTY_DIGITS, sample.uncertainty_ns.into());
+    let free = digits(free, UNCERTAINTY_DIGITS, sample.uncertainty_ns);
     let free = write(free, b",");
     let free = write(free, sample.state.as_str().as_bytes());
     let free = write(free, b",");
@@ -129,8 +132,13 @@ mod tests {
             board_ns: 1_795_309_322_961_327_001 + i64::from(index),
             ping_us: 1_795_309_322_000_000 + u64::from(index),
             sequence: index,
-            state: [ClockState::Unset, ClockState::Set, ClockState::Holdover][index as usize % 3],
-            uncertainty_ns: [u32::MAX, 64, 0][index as usize % 3],
+            state: [
+                ClockState::Unset,
+                ClockState::Set,
+                ClockState::Holdover,
+                ClockState::Unproved,
+            ][index as usize % 4],
+            uncertainty_ns: [u64::MAX, 64, 0, 18_000_000_077][index as usize % 4],
         }
     }
 
@@ -142,14 +150,15 @@ mod tests {
 
     #[test]
     fn a_line_has_the_columns_of_the_header() {
-        let lines = [0, 1, 0xff_fffe].map(|index| line(&sample(index)));
+        let lines = [0, 1, 0xff_fffe, 0xff_ffff].map(|index| line(&sample(index)));
         let texts = lines.each_ref().map(|line| str::from_utf8(line).unwrap());
         assert_eq!(
             texts,
             [
-                "00000000000,1795309322000000,1795309322961327001,unset,4294967295\r\n",
-                "0000000000001,1795309322000001,1795309322961327002,set,0000000064\r\n",
-                "16777214,1795309338777214,1795309322978104215,holdover,0000000000\r\n",
+                "00000000000,1795309322000000,1795309322961327001,unset,18446744073709551615\r\n",
+                "0000000000001,1795309322000001,1795309322961327002,set,00000000000000000064\r\n",
+                "16777214,1795309338777214,1795309322978104215,holdover,00000000000000000000\r\n",
+                "16777215,1795309338777215,1795309322978104216,unproved,00000000018000000077\r\n",
             ]
         );
         let columns = str::from_utf8(HEADER).unwrap().split(',').count();
@@ -163,7 +172,7 @@ mod tests {
             ping_us: u64::MAX,
             sequence: u32::MAX,
             state: ClockState::Holdover,
-            uncertainty_ns: u32::MAX,
+            uncertainty_ns: u64::MAX,
         };
         let text = line(&extreme);
         let mut columns = str::from_utf8(&text).unwrap().split(',');
@@ -177,7 +186,7 @@ mod tests {
         let whole = file(7);
         assert_eq!(file_len(7) as usize, whole.len());
         for offset in 0..=whole.len() {
-            for room in [0, 1, 66, 67, 68, 90, 512, 1_000] {
+            for room in [0, 1, 76, 77, 78, 90, 512, 1_000] {
                 let mut out = [0; 1_000];
                 let made = read(offset as u32, &mut out[..room], 7, |index| {
                     Some(sample(index))

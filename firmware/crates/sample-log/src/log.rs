@@ -1,7 +1,5 @@
 //! The samples of a test, in memory that is given.
 
-use timebase::ClockState;
-
 use crate::{Record, Sample, csv};
 
 /// The beginning or the end of a test, as a client commands it.
@@ -133,11 +131,11 @@ impl<'a> SampleLog<'a> {
     }
 
     /// The time of the first sample, in ns of UTC since 1970; `None` while there is none, or if
-    /// the clock was not set then.
+    /// date and second were not proved then.
     #[must_use]
     pub fn began_ns(&self) -> Option<i64> {
         let first = self.get(0)?;
-        (first.state != ClockState::Unset).then_some(first.board_ns)
+        first.state.is_proved().then_some(first.board_ns)
     }
 
     /// The length of its file, in bytes.
@@ -162,6 +160,8 @@ impl<'a> SampleLog<'a> {
 
 #[cfg(test)]
 mod tests {
+    use timebase::ClockState;
+
     use super::*;
 
     fn sample(number: u32) -> Sample {
@@ -209,13 +209,11 @@ mod tests {
         let mut memory = [Record::EMPTY; 2];
         let mut log = SampleLog::new(&mut memory, &mut []);
         assert_eq!(log.began_ns(), None);
-        let unset = Sample {
-            state: ClockState::Unset,
-            ..sample(0)
-        };
-        log.record(&unset);
-        assert_eq!(log.began_ns(), None);
-        log.clear();
+        for state in [ClockState::Unset, ClockState::Unproved] {
+            log.record(&Sample { state, ..sample(0) });
+            assert_eq!(log.began_ns(), None, "{state}");
+            log.clear();
+        }
         log.record(&sample(7));
         assert_eq!(log.began_ns(), Some(sample(7).board_ns));
         let mut file = [0; 3 * csv::LINE];

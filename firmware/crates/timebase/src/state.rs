@@ -40,6 +40,13 @@ impl ClockState {
         }
     }
 
+    /// Whether UTC is known to the second: it is set, and date and second are proved.
+    #[must_use]
+    #[inline]
+    pub const fn is_proved(self) -> bool {
+        matches!(self, Self::Set | Self::Holdover)
+    }
+
     /// The word for it in status lines and files: `unset`, `set`, `holdover` or
     /// `unproved`.
     #[must_use]

@@ -32,7 +32,7 @@ use crate::discipline::{Correction, Course, Discipline, Observation};
 use crate::gate::Gate;
 use crate::holdover::Uncertainty;
 use crate::model::{self, ClockModel};
-use crate::outcome::{Outcome, PulseOutcome, Source};
+use crate::outcome::{Outcome, PulseOutcome, SecondProof, Source};
 use crate::published::Writer;
 use crate::refusal::{PulseRefusal, Refusal};
 use crate::settings::Settings;
@@ -308,6 +308,12 @@ impl<'a> UtcClock<'a> {
     #[must_use]
     pub const fn latency_ns(&self) -> i64 {
         self.discipline.latency_ns()
+    }
+
+    /// What is known about which second it is.
+    #[must_use]
+    pub fn second_proof(&self) -> SecondProof {
+        self.discipline.second().proof()
     }
 
     /// What the clock is steered by.

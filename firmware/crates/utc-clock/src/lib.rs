@@ -94,7 +94,7 @@ pub use calendar::CalendarError;
 pub use clock::UtcClock;
 pub use counters::Counters;
 pub use model::Reading;
-pub use outcome::{Outcome, PulseOutcome, Source};
+pub use outcome::{Outcome, PulseOutcome, SecondProof, Source};
 pub use published::{Published, Writer};
 pub use refusal::{PulseRefusal, Refusal};
 pub use settings::Settings;

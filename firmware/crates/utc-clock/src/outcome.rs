@@ -44,6 +44,30 @@ pub enum PulseOutcome {
     Refused(PulseRefusal),
 }
 
+/// What is known about which second it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SecondProof {
+    /// It has not been proved since the clock was set.
+    #[default]
+    Open,
+    /// Date and second are proved.
+    Proved,
+    /// They were proved or open, and marks name another one.
+    Contradicted,
+}
+
+/// The word for it in a status line: `open`, `proved` or `contradicted`.
+#[cfg(feature = "defmt")]
+impl defmt::Format for SecondProof {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        match self {
+            Self::Open => defmt::write!(f, "open"),
+            Self::Proved => defmt::write!(f, "proved"),
+            Self::Contradicted => defmt::write!(f, "contradicted"),
+        }
+    }
+}
+
 /// What the clock is steered by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Source {

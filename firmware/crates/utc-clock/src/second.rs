@@ -18,6 +18,7 @@
 
 use timebase::{CORE_HZ, Cycles, LeapEvent, LeapSeconds};
 
+use crate::outcome::SecondProof;
 use crate::utc::UtcNanos;
 
 /// A second, in ns.
@@ -153,6 +154,15 @@ impl Second {
     /// Whether it has never been proved since it was last opened.
     pub(crate) const fn is_open(&self) -> bool {
         !self.is_proved
+    }
+
+    /// The same in one word.
+    pub(crate) fn proof(&self) -> SecondProof {
+        match (self.is_contradicted(), self.is_proved) {
+            (true, _) => SecondProof::Contradicted,
+            (false, true) => SecondProof::Proved,
+            (false, false) => SecondProof::Open,
+        }
     }
 
     fn is_contradicted(&self) -> bool {

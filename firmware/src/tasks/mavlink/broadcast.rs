@@ -1,29 +1,31 @@
 //! What is sent once a second without being asked for.
 
-use mavlink_node::Node;
-use timebase::CORE_HZ;
+use mavlink_node::{Node, Plotted};
+use timebase::{CORE_HZ, ClockState};
+use utc_clock::{Reading, SecondProof, Source};
 
 use super::words;
 use crate::drivers::time;
 use crate::drivers::uart::Writer;
-use crate::reports::GNSS;
+use crate::reports::{GNSS, GnssReport};
+use crate::settings::VARIANT;
 use crate::{clock, clock_events};
 
 /// A solution is sent for this time after its arrival, in cycles: 2 s. Later the receiver counts as
 /// silent.
 const FIX_LASTS: i64 = 2 * CORE_HZ as i64;
 
-/// HEARTBEAT, SYSTEM_TIME, GPS_RAW_INT, and a STATUSTEXT for each event.
+/// HEARTBEAT, SYSTEM_TIME, GPS_RAW_INT, what is plotted, and a STATUSTEXT for each event.
 #[inline(never)]
 pub fn once_a_second(node: &mut Node, writer: &mut Writer) {
     let now = time::now();
     // Once a second is soon enough, and spares a timer at every burst of bytes.
     node.handle_timeout(now);
-    let node_time = clock::node_time_at(now);
+    let (node_time, reading) = clock::node_time_and_reading_at(now);
+    let report = GNSS.get();
     writer.send(&node.heartbeat(node_time));
-    writer.send(&node.system_time(node_time));
-    let recent = GNSS
-        .get()
+    writer.send(&node.system_time(node_time, is_told(reading.state)));
+    let recent = report
         .and_then(|report| report.receiver.fix)
         .filter(|(arrival, _)| now.since(*arrival) < FIX_LASTS);
     let (fix_time, fix) = match recent {
@@ -31,8 +33,48 @@ pub fn once_a_second(node: &mut Node, writer: &mut Writer) {
         None => (node_time, None),
     };
     writer.send(&node.gps_raw_int(fix_time, fix.as_ref()));
+    for what in Plotted::ALL {
+        writer.send(&node.plot(node_time, what, value(what, &reading, report.as_ref())));
+    }
     while let Some(event) = clock_events::poll() {
         let (severity, text) = words::statustext(event);
         writer.send(&node.statustext(severity, &text));
+    }
+}
+
+/// Whether SYSTEM_TIME has UTC: a PX4 sends what it has, and so do the paper's variants.
+fn is_told(state: ClockState) -> bool {
+    state.is_proved() || VARIANT.is_papers()
+}
+
+/// The value of what is plotted.
+fn value(what: Plotted, reading: &Reading, report: Option<&GnssReport>) -> f32 {
+    let source = report.map_or(Source::Nothing, |report| report.source);
+    match what {
+        Plotted::Uncertainty if reading.state == ClockState::Unset => f32::NAN,
+        // Rounded, and then by one unit up, so that the interval holds UTC.
+        Plotted::Uncertainty => (reading.uncertainty_ns as f32).next_up(),
+        Plotted::Frequency => report.map_or(0.0, |report| report.frequency.0 as f32),
+        Plotted::Source => f32::from(number(source)),
+        Plotted::Unproved => {
+            let second = report.map_or(SecondProof::Open, |report| report.second);
+            let parts = [
+                (1, second == SecondProof::Open),
+                (2, second == SecondProof::Contradicted),
+                (4, source != Source::Pulse),
+                (8, source == Source::Nothing),
+            ];
+            let unproved = parts.into_iter().filter(|(_, is_unproved)| *is_unproved);
+            f32::from(unproved.map(|(bit, _)| bit).sum::<u8>())
+        }
+    }
+}
+
+/// The number of a source, as parameter and value have it.
+pub fn number(source: Source) -> u8 {
+    match source {
+        Source::Nothing => 0,
+        Source::Message => 1,
+        Source::Pulse => 2,
     }
 }

@@ -2,8 +2,8 @@
 
 use mavlink_node::{LogFile, Parameter, Parameters};
 use sample_log::csv;
-use utc_clock::Source;
 
+use super::broadcast;
 use crate::reports::GNSS;
 use crate::samples::SAMPLES;
 use crate::settings::{GPS_BAUD, VARIANT};
@@ -17,11 +17,10 @@ impl Parameters for ThisBoard {
             Parameter::Variant => VARIANT.number(),
             Parameter::TickUs => VARIANT.tick_us(),
             Parameter::GpsBaud => GPS_BAUD,
-            Parameter::Source => match GNSS.get().map(|report| report.source) {
-                None | Some(Source::Nothing) => 0,
-                Some(Source::Message) => 1,
-                Some(Source::Pulse) => 2,
-            },
+            Parameter::Source => {
+                let source = GNSS.get().map(|report| report.source);
+                broadcast::number(source.unwrap_or_default()).into()
+            }
             Parameter::LogLen => SAMPLES.len(),
             Parameter::LogMissed => SAMPLES.with(|log| log.missed()),
         };

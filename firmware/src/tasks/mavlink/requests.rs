@@ -35,7 +35,7 @@ fn record(ping_us: u64, sequence: u32, board_ns: i64, reading: Reading) {
         ping_us,
         sequence,
         state: reading.state,
-        uncertainty_ns: u32::try_from(reading.uncertainty_ns).unwrap_or(u32::MAX),
+        uncertainty_ns: reading.uncertainty_ns,
     };
     if SAMPLES.with(|log| log.record(&sample)) == Kept::Last {
         clock_events::push(ClockEvent::LogFull);

@@ -16,6 +16,13 @@ pub fn statustext(event: ClockEvent) -> (Severity, Text) {
     let mut text = Text::new();
     let (severity, before, number, behind) = match event {
         ClockEvent::Set => (Severity::Notice, "clock set", None, ""),
+        ClockEvent::SecondUnproved => (Severity::Warning, "clock: second not proved", None, ""),
+        ClockEvent::SecondProved => (Severity::Notice, "clock: second proved", None, ""),
+        ClockEvent::SecondContradicted => {
+            (Severity::Warning, "clock: second contradicted", None, "")
+        }
+        ClockEvent::Holdover => (Severity::Warning, "clock in holdover", None, ""),
+        ClockEvent::SteeredAgain => (Severity::Notice, "clock steered again", None, ""),
         ClockEvent::Stepped { by_ns } => {
             (Severity::Warning, "clock stepped by ", Some(by_ns), " ns")
         }

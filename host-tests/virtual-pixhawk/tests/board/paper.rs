@@ -145,7 +145,8 @@ fn each_says_what_it_is_and_has_its_priorities_and_its_tick() {
 
         let status = last_status(&log);
         assert_eq!(status.get("variant"), Some(name));
-        assert!(status.is_set(), "{case:?}: {status:?}");
+        // Such a clock proves nothing.
+        assert_eq!(status.state(), Some(ClockState::Unproved), "{case:?}");
         for never in [
             "lost_ticks",
             "gps_overrun",
@@ -157,10 +158,8 @@ fn each_says_what_it_is_and_has_its_priorities_and_its_tick() {
                 "{case:?}: {status:?}"
             );
         }
-        assert_eq!(
-            board.clock().unwrap().reading.uncertainty_ns,
-            u64::from(u32::MAX)
-        );
+        let claimed_s = board.clock().unwrap().reading.uncertainty_ns / SECOND;
+        assert_eq!(claimed_s, 1_024 * 7 * 86_400);
 
         board.start_meter(&[]).unwrap();
         board.run_for(SECOND).unwrap();
@@ -236,7 +235,7 @@ fn lateness(case: &Case, seed: u64, seconds: u64) -> Option<Lateness> {
             continue;
         }
         let clock = board.clock().unwrap();
-        assert_eq!(clock.reading.state, ClockState::Set);
+        assert_eq!(clock.reading.state, ClockState::Unproved);
         let late_ns = START_UTC_NS + clock.at.0.cast_signed() - clock.reading.utc.0;
         let sent_after_ns = START_UTC_NS + sent.first_byte.0.cast_signed() - sent.epoch_utc_ns;
         found.total_ns.push(late_ns);

@@ -32,6 +32,7 @@ mod executors;
 #[cfg(target_os = "none")]
 mod fault;
 #[cfg(target_os = "none")]
+mod image_words;
 mod latest;
 #[cfg(target_os = "none")]
 mod lines;
@@ -52,7 +53,6 @@ mod start;
 #[cfg(target_os = "none")]
 mod storage;
 #[cfg(target_os = "none")]
-mod system_id;
 #[cfg(target_os = "none")]
 mod tasks;
 #[cfg(target_os = "none")]

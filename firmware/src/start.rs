@@ -12,9 +12,9 @@ use stm32f4xx_hal::pac::Interrupt;
 use crate::bring_up::{self, Hardware};
 use crate::drivers::{pulse, time};
 use crate::executors::{self, spawn};
+use crate::image_words;
 use crate::samples::SAMPLES;
 use crate::settings::VARIANT;
-use crate::system_id::system_id;
 use crate::tasks::{gnss, led, mavlink, paper, status};
 use crate::{board, lines, storage};
 
@@ -53,7 +53,7 @@ fn log_identity() {
         board::NAME,
         VARIANT,
         VARIANT.tick_us(),
-        system_id()
+        image_words::system_id()
     );
     if VARIANT.is_papers() {
         defmt::info!(

@@ -24,7 +24,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use console::{Contents, Ending, LogDecoder, Report, Sample, Screen, Status, Verdict};
+use console::{Contents, Ending, LogDecoder, Report, Sample, Screen, Status, Verdict, Word};
 use jiff::Timestamp;
 use timebase::ClockState;
 use world::{ReceiverSettings, Recording};
@@ -169,7 +169,7 @@ fn run_board(
     reference: Reference,
     reports: &Sender<(usize, Report)>,
 ) -> Result<Ending> {
-    let (image, elf) = image_of_board(image, index)?;
+    let (image, elf) = image_of_board(options, image, index)?;
     let decoder = LogDecoder::new(&elf)?;
     let mavlink_port = options.mavlink_port_of(index);
     let mavlink = format!("tcp:127.0.0.1:{mavlink_port},server=on,wait=off");
@@ -205,10 +205,18 @@ fn run_board(
 }
 
 /// A copy of `image` for board `index`, with a system id of its own: its file and its bytes.
-fn image_of_board(image: &Path, index: u16) -> Result<(PathBuf, Vec<u8>)> {
+fn image_of_board(
+    options: &console::Options,
+    image: &Path,
+    index: u16,
+) -> Result<(PathBuf, Vec<u8>)> {
     let elf = std::fs::read(image).with_context(|| format!("cannot read {}", image.display()))?;
     let id = system_id(index);
-    let elf = console::with_system_id(&elf, id)?;
+    let mut elf = console::with_word(&elf, Word::SystemId, id.into())?;
+    if let Some(recording) = recording(options)? {
+        let (began, told) = (recording.began_utc_ns(), recording.tells_leap_seconds());
+        elf = console::for_recording(&elf, began, told, options.floor)?;
+    }
     let stem = image.file_stem().context("an image has a name")?;
     let name = format!("{}-system{id}.elf", stem.to_string_lossy());
     let place = image::folder()?.join(name);
@@ -264,15 +272,23 @@ fn sample(status: &Status, utc_ns: i64) -> Sample {
 
 /// Who plays the receiver of board `index`, which gets power at `utc_ns`.
 fn player(options: &console::Options, index: u16, utc_ns: i64) -> Result<Player> {
-    let Some(path) = &options.ubx else {
-        return Ok(Player::receiver(ReceiverSettings {
+    Ok(match recording(options)? {
+        Some(recording) => Player::Recording(recording),
+        None => Player::receiver(ReceiverSettings {
             seed: index.into(),
             ..ReceiverSettings::new(utc_ns)
-        }));
+        }),
+    })
+}
+
+/// The recording that is to be played.
+fn recording(options: &console::Options) -> Result<Option<Recording>> {
+    let Some(path) = &options.ubx else {
+        return Ok(None);
     };
     let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
     let recording = Recording::new(&bytes).with_context(|| format!("in {}", path.display()))?;
-    Ok(Player::Recording(recording))
+    Ok(Some(recording))
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ use crate::drivers::pulse::Pulse;
 use crate::drivers::time;
 use crate::drivers::uart::{Reader, Writer};
 use crate::reports::{GNSS, GnssReport};
-use crate::settings;
+use crate::{image_words, settings};
 
 /// GPS less UTC since 2017.
 const LEAP_SECONDS: i8 = 18;
@@ -66,7 +66,8 @@ impl Gnss {
         };
         let settings = Settings {
             // NAV-TIMELS is not asked for yet.
-            leap_seconds: Some(LEAP_SECONDS),
+            leap_seconds: image_words::leap_seconds().or(Some(LEAP_SECONDS)),
+            date_floor: image_words::date_floor(),
             ..Settings::DEFAULT.with_latency_ns(settings::LATENCY_NS)
         };
         let mut clock = UtcClock::new(settings, writer);

@@ -1,31 +1,75 @@
 //! Words of an image that are written after it is built.
 //!
-//! *Purpose.* Boards on one network need different system ids, and none of them another build:
-//! [`with_system_id`] writes the one word of an ELF file that differs from board to board.
+//! *Purpose.* Boards on one network need different system ids, a recording needs the clock's settings
+//! of its own time, and none of them another build: [`with_word`] writes a [`Word`] of an ELF file.
 //!
-//! *Design.* The firmware has the word as `PIXCLOCK_SYSTEM_ID` and reads it at run time.
+//! *Design.* The firmware has each word under its name and reads it at run time.
 //!
 //! *Limits.* Only what the file holds can be written, not what the firmware makes at its start.
 
 use anyhow::{Context as _, ensure};
 use object::{Object as _, ObjectSection as _, ObjectSymbol as _};
 
-/// The firmware's name for the word that holds its MAVLink system id.
-const SYSTEM_ID: &str = "PIXCLOCK_SYSTEM_ID";
+/// A word of the image that tools write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Word {
+    /// The board's MAVLink system id, 1 to 254.
+    SystemId,
+    /// The earliest date that the clock believes, in days since 1970; 0 is the release's.
+    DateFloor,
+    /// GPS less UTC for a receiver that cannot tell it, in s; 0: it has to be proved.
+    LeapSeconds,
+}
 
-/// The image `elf`, but that its board is MAVLink system `id`.
+impl Word {
+    /// The firmware's name for it.
+    const fn symbol(self) -> &'static str {
+        match self {
+            Self::SystemId => "PIXCLOCK_SYSTEM_ID",
+            Self::DateFloor => "PIXCLOCK_DATE_FLOOR",
+            Self::LeapSeconds => "PIXCLOCK_LEAP_SECONDS",
+        }
+    }
+}
+
+/// The image `elf`, but that `word` has this value.
 ///
 /// # Errors
 ///
 /// `elf` is no ELF file, or has no such word.
-pub fn with_system_id(elf: &[u8], id: u8) -> anyhow::Result<Vec<u8>> {
+pub fn with_word(elf: &[u8], word: Word, value: u32) -> anyhow::Result<Vec<u8>> {
+    let name = word.symbol();
     let file = object::File::parse(elf)?;
-    let word = file
+    let place = file
         .symbols()
-        .find(|symbol| symbol.name() == Ok(SYSTEM_ID))
-        .with_context(|| format!("the image has no word {SYSTEM_ID}"))?;
-    ensure!(word.size() == 4, "{SYSTEM_ID} is no word");
-    patched(elf, word.address(), &u32::from(id).to_le_bytes())
+        .find(|symbol| symbol.name() == Ok(name))
+        .with_context(|| format!("the image has no word {name}"))?;
+    ensure!(place.size() == 4, "{name} is no word");
+    patched(elf, place.address(), &value.to_le_bytes())
+}
+
+/// GPS less UTC since 2017. [s]
+const LEAP_SECONDS: u32 = 18;
+
+/// The image `elf`, but with the clock's settings for a recording: no date before the day of
+/// `began_utc_ns`, or before `floor_days` since 1970, is believed; and the leap count is configured
+/// unless the recording `tells_leap_seconds`.
+///
+/// # Errors
+///
+/// As for [`with_word`].
+pub fn for_recording(
+    elf: &[u8],
+    began_utc_ns: Option<i64>,
+    tells_leap_seconds: bool,
+    floor_days: Option<u32>,
+) -> anyhow::Result<Vec<u8>> {
+    const DAY_NS: i64 = 86_400_000_000_000;
+    let began = began_utc_ns.and_then(|ns| u32::try_from(ns / DAY_NS).ok());
+    let floor = floor_days.or(began).unwrap_or(0);
+    let leap_seconds = if tells_leap_seconds { 0 } else { LEAP_SECONDS };
+    let elf = with_word(elf, Word::DateFloor, floor)?;
+    with_word(&elf, Word::LeapSeconds, leap_seconds)
 }
 
 /// The image `elf`, but that `bytes` are at `address` of the memory it is loaded to.

@@ -42,6 +42,10 @@ pub struct Options {
     #[arg(long, value_name = "FILE", conflicts_with = "start")]
     pub ubx: Option<PathBuf>,
 
+    /// Of a recording: the earliest date that the clock believes; without it, its first one
+    #[arg(long, value_name = "DATE", requires = "ubx", value_parser = parse_day)]
+    pub floor: Option<u32>,
+
     /// What the simulated receiver takes for UTC when the board powers up, as in
     /// 2026-11-22T04:00:00Z; without it, this host's clock
     #[arg(long, value_name = "TIME", value_parser = parse_utc)]
@@ -165,6 +169,21 @@ fn parse_utc(text: &str) -> Result<UtcNanos, String> {
     }
 }
 
+/// A date, in days since 1970.
+fn parse_day(text: &str) -> Result<u32, String> {
+    let wanted = "wanted is a date from 1980 on, as in 2016-05-01";
+    let date: jiff::civil::Date = text.parse().map_err(|error| format!("{error}; {wanted}"))?;
+    let begins = date.to_zoned(jiff::tz::TimeZone::UTC);
+    let seconds = begins
+        .map_err(|error| error.to_string())?
+        .timestamp()
+        .as_second();
+    match u32::try_from(seconds / 86_400) {
+        Ok(days) if date.year() >= FIRST_YEAR => Ok(days),
+        _ => Err(wanted.to_owned()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -251,6 +270,19 @@ mod tests {
                 2,
                 "{wrong}"
             );
+        }
+    }
+
+    #[test]
+    fn a_floor_is_a_date_and_a_recordings() {
+        let old = parse(&["--ubx", "a.ubx", "--floor", "2016-05-01"]).unwrap();
+        assert_eq!(old.floor, Some(16_922));
+        for wrong in [
+            &["--floor", "2016-05-01"][..],
+            &["--ubx", "a.ubx", "--floor", "1970-01-02"],
+            &["--ubx", "a.ubx", "--floor", "May"],
+        ] {
+            assert_eq!(parse(wrong).unwrap_err().exit_code(), 2, "{wrong:?}");
         }
     }
 

@@ -19,8 +19,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail, ensure};
+use console::Word;
 use object::{Object as _, ObjectSection as _, ObjectSymbol as _};
 use rigless::image::Image;
+use world::Recording;
 
 /// Names the image that tests run, the one that is flashed; `cargo xtask board-test`
 /// sets it.
@@ -138,14 +140,35 @@ impl Firmware {
         Self::parse(&self.path, elf)
     }
 
-    /// The same image, but that its board is MAVLink system `id`: the one word that differs
-    /// between virtual boards, and from what is flashed.
+    /// The same image, but that `word` has this value: these words differ between virtual boards,
+    /// and from what is flashed.
     ///
     /// # Errors
     ///
     /// The image has no such word.
-    pub fn with_system_id(&self, id: u8) -> anyhow::Result<Self> {
-        Self::parse(&self.path, console::with_system_id(&self.elf, id)?)
+    pub fn with_word(&self, word: Word, value: u32) -> anyhow::Result<Self> {
+        Self::parse(&self.path, console::with_word(&self.elf, word, value)?)
+    }
+
+    /// The same image for a board that is played `recording`: its date floor is no later than the
+    /// recording, or `floor_days` since 1970, and the leap count is configured where the recording
+    /// does not tell it.
+    ///
+    /// # Errors
+    ///
+    /// The image has no such words.
+    pub fn for_recording(
+        &self,
+        recording: &Recording,
+        floor_days: Option<u32>,
+    ) -> anyhow::Result<Self> {
+        let elf = console::for_recording(
+            &self.elf,
+            recording.began_utc_ns(),
+            recording.tells_leap_seconds(),
+            floor_days,
+        )?;
+        Self::parse(&self.path, elf)
     }
 
     /// The whole ELF file.

@@ -19,6 +19,10 @@ const BAUD: u32 = 115_200;
 const MS_PER_WEEK: u32 = 7 * 86_400_000;
 const STEP_MAX_MS: u32 = 60_000;
 const STEP_INSTEAD_MS: u32 = 1_000;
+/// NAV-PVT's `valid`, and in it `validDate`, `validTime` and `fullyResolved`.
+const NAV_PVT_VALID: usize = 11;
+const RESOLVED: u8 = 7;
+const NAV_TIMELS: (u8, u8) = (0x01, 0x26);
 
 /// The file has no NAV-PVT in it, so that there is nothing to replay.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,6 +52,8 @@ pub struct Recording {
     bursts: VecDeque<Burst>,
     line_free: WorldNanos,
     truth: Vec<Sent>,
+    began_utc_ns: Option<i64>,
+    tells_leap_seconds: bool,
 }
 
 impl Recording {
@@ -60,6 +66,7 @@ impl Recording {
         let frames = ubx::find_frames(file, |class, id, length| {
             (class, id) == ubx::NAV_PVT && length == ubx::NAV_PVT_LEN
         });
+        let mut began_utc_ns = None;
         let mut bursts = VecDeque::with_capacity(frames.len());
         let mut due = WorldNanos(0);
         let mut last_itow_ms = None;
@@ -68,6 +75,9 @@ impl Recording {
             let Some(payload) = frame.payload.first_chunk::<{ ubx::NAV_PVT_LEN }>() else {
                 continue;
             };
+            if payload[NAV_PVT_VALID] & RESOLVED == RESOLVED {
+                began_utc_ns = began_utc_ns.or(Some(ubx::nav_pvt_epoch_utc_ns(payload)));
+            }
             let itow_ms = u32::from_le_bytes([payload[0], payload[1], payload[2], payload[3]]);
             let step_ms = last_itow_ms.map_or(0, |last: u32| match itow_ms.checked_sub(last) {
                 Some(step) => step,
@@ -96,7 +106,22 @@ impl Recording {
             bursts,
             line_free: WorldNanos(0),
             truth: Vec::new(),
+            began_utc_ns,
+            tells_leap_seconds: !ubx::find_frames(file, |class, id, _| (class, id) == NAV_TIMELS)
+                .is_empty(),
         })
+    }
+
+    /// The first epoch whose date and time the receiver claims to know, in ns of UTC since 1970.
+    #[must_use]
+    pub const fn began_utc_ns(&self) -> Option<i64> {
+        self.began_utc_ns
+    }
+
+    /// Whether there is a NAV-TIMELS in it.
+    #[must_use]
+    pub const fn tells_leap_seconds(&self) -> bool {
+        self.tells_leap_seconds
     }
 }
 
@@ -177,6 +202,24 @@ mod tests {
             recording.truth()[3].epoch_utc_ns,
             NOON_NS + 3_600_000_000_000
         );
+    }
+
+    #[test]
+    fn it_begins_with_the_first_date_that_is_claimed() {
+        let cold = Claims {
+            valid: 0x33,
+            ..CLAIMS
+        };
+        let (class, id) = ubx::NAV_PVT;
+        let unresolved = ubx::frame(class, id, &ubx::nav_pvt_payload(0, cold));
+        let recording = Recording::new(&unresolved).unwrap();
+        assert_eq!(recording.began_utc_ns(), None);
+        let mut file = [unresolved, nav_pvt(0), nav_pvt(200)].concat();
+        let recording = Recording::new(&file).unwrap();
+        assert_eq!(recording.began_utc_ns(), Some(NOON_NS));
+        assert!(!recording.tells_leap_seconds());
+        file.extend(ubx::frame(0x01, 0x26, &[0; 24]));
+        assert!(Recording::new(&file).unwrap().tells_leap_seconds());
     }
 
     #[test]

@@ -21,15 +21,12 @@ use super::options::Options;
 
 /// GPS less UTC since 2017. [s]
 const LEAP_COUNT: i8 = 18;
-/// How a NAV-TIMELS frame begins.
-const TIME_LS: [u8; 6] = [0xb5, 0x62, 0x01, 0x26, 24, 0];
 
 /// The clock's settings for a recording: the leap count is configured where the recording has no
 /// NAV-TIMELS, the floor is the user's.
-fn settings(options: &Options, bytes: &[u8]) -> Result<Settings> {
-    let tells_leap_count = bytes.windows(TIME_LS.len()).any(|window| window == TIME_LS);
+fn settings(options: &Options, recording: &Recording) -> Result<Settings> {
     Ok(Settings {
-        leap_seconds: (!tells_leap_count).then_some(LEAP_COUNT),
+        leap_seconds: (!recording.tells_leap_seconds()).then_some(LEAP_COUNT),
         date_floor: options
             .floor_utc_ns()?
             .map_or(Settings::DATE_FLOOR, UtcNanos),
@@ -56,7 +53,7 @@ pub fn run(options: &Options, bytes: &[u8]) -> Result<ExitCode> {
     };
     let line = Published::new();
     let mut clock = UtcClock::new(
-        settings(options, bytes)?,
+        settings(options, &recording)?,
         line.take_writer().context("a line of its own")?,
     );
     let mut link = Link::new();

@@ -19,8 +19,7 @@ use timebase::StampedByte;
 use crate::drivers::time;
 use crate::drivers::uart::{INCOMING, Reader, Writer};
 use crate::reports::{MAVLINK, MavlinkReport};
-use crate::settings;
-use crate::system_id::system_id;
+use crate::{image_words, settings};
 use lookup::ThisBoard;
 
 /// With this many bytes or fewer in the outgoing ring, the next frame of a long answer may follow:
@@ -36,7 +35,7 @@ const PACE: Duration = Duration::from_millis(5);
 pub async fn run(line: (Reader, Writer)) {
     let (mut reader, mut writer) = line;
     let mut node = Node::new(Config {
-        system_id: system_id(),
+        system_id: image_words::system_id(),
         component_id: 1,
         ping_reply: if settings::PING_ECHO {
             PingReply::Echo

@@ -138,6 +138,7 @@ fn a_clock_whose_receiver_falls_silent_goes_into_holdover_and_runs_on() {
     let Some(recording) = recording("ublox-neo-m8p.log") else {
         return;
     };
+    let firmware = firmware.for_recording(&recording, None).unwrap();
     let mut board = board(firmware, 37_000, recording, &[], Version::V2);
     // It lasts 15 s.
     board.run_to(WorldNanos(18 * SECOND)).unwrap();
@@ -173,7 +174,8 @@ fn a_replayed_recording_is_answered_with_its_own_utc() {
             return;
         };
         let asked_at: Vec<_> = (0..9).map(|n| WorldNanos(SECOND + n * 123 * MS)).collect();
-        let mut board = board(firmware.clone(), 0, recording, &asked_at, Version::V2);
+        let firmware = firmware.for_recording(&recording, None).unwrap();
+        let mut board = board(firmware, 0, recording, &asked_at, Version::V2);
         board.run_to(WorldNanos(2 * SECOND + 500 * MS)).unwrap();
         let truth = board.truth().unwrap();
         // A recording knows no epoch's lateness but its own: let the world begin

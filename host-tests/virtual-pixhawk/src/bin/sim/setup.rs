@@ -5,7 +5,7 @@
 use std::time::SystemTime;
 
 use anyhow::Context as _;
-use console::{SimOptions, UtcNanos};
+use console::{SimOptions, UtcNanos, Word};
 use virtual_pixhawk::{Builder, Firmware, TcpLine};
 use world::{Pulses, Receiver, ReceiverSettings, Recording};
 
@@ -55,7 +55,12 @@ impl<'a> Setup<'a> {
         let mavlink_port = self.options.shared.mavlink_port_of(index);
         let line = TcpLine::listen(mavlink_port)?;
         let visits = line.visits();
-        let firmware = self.firmware.with_system_id(system_id(index))?;
+        let id = system_id(index).into();
+        let firmware = self.firmware.with_word(Word::SystemId, id)?;
+        let firmware = match &self.recording {
+            Some(recording) => firmware.for_recording(recording, self.options.shared.floor)?,
+            None => firmware,
+        };
         let builder = Builder::new(firmware)
             .crystal_ppb(crystal_ppb(index))
             .telem1(line);

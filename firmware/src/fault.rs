@@ -12,10 +12,13 @@ use cortex_m_rt::{ExceptionFrame, exception};
 use timebase::CORE_HZ;
 
 use crate::drivers::led;
+use crate::logger;
 
 #[panic_handler]
 fn panic(info: &PanicInfo) -> ! {
     cortex_m::interrupt::disable();
+    // SAFETY: interrupts are off, and this never returns.
+    unsafe { logger::seize() };
     defmt::error!("panicked: {}", defmt::Display2Format(info));
     flash_forever()
 }
@@ -30,6 +33,8 @@ fn logged_panic() -> ! {
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     cortex_m::interrupt::disable();
+    // SAFETY: interrupts are off, and this never returns.
+    unsafe { logger::seize() };
     // SAFETY: reading the fault status has no side effect.
     let (configurable, hard) = unsafe { ((*SCB::PTR).cfsr.read(), (*SCB::PTR).hfsr.read()) };
     defmt::error!(
@@ -44,7 +49,6 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
 
 /// Ten flashes a second.
 fn flash_forever() -> ! {
-    defmt::flush();
     // SAFETY: interrupts are off, and this code never returns.
     let mut change_led = unsafe { led::seize() };
     loop {

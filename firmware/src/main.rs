@@ -37,6 +37,8 @@ mod latest;
 #[cfg(target_os = "none")]
 mod lines;
 #[cfg(target_os = "none")]
+mod logger;
+#[cfg(target_os = "none")]
 mod not_saved;
 #[cfg(target_os = "none")]
 mod priorities;

@@ -3,10 +3,6 @@
 use cortex_m::peripheral::scb::SystemHandler;
 use cortex_m::peripheral::{NVIC, SCB};
 use cortex_m_rt::exception;
-#[cfg(feature = "pixhawk1")]
-use defmt_rtt as _;
-#[cfg(feature = "qemu")]
-use defmt_semihosting as _;
 use stm32f4xx_hal::pac::Interrupt;
 
 use crate::bring_up::{self, Hardware};

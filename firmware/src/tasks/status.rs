@@ -3,11 +3,8 @@
 //! *Design.* Pairs of `key=value` after the word `status`, so that people and programs read the same
 //! line. Counters that commonly stay 0 are left out while they are 0.
 //!
-//! *Limits.* A line is one frame of the log, and interrupts are masked while that is written: a byte
-//! that comes meanwhile is stamped at its end. So each byte of the frame counts, and it has to take
-//! less than the shortest tick: keys are indices into the image's strings. With the pulse and its
-//! counters it takes about 36 µs (the board test
-//! `a_ping_that_meets_the_status_line_is_stamped_within_a_tick`).
+//! *Limits.* A line is one frame of the log, and tasks wait while that is written
+//! ([`logger`]).
 
 use defmt::{Format, Formatter};
 use embassy_time::{Duration, Ticker};
@@ -16,6 +13,7 @@ use utc_clock::{ClockState, Reading};
 use crate::clock;
 use crate::drivers::card::CardErrors;
 use crate::drivers::time;
+use crate::logger;
 use crate::reports::{CARD, GNSS, GnssReport, MAVLINK, MavlinkReport};
 use crate::settings::VARIANT;
 
@@ -35,7 +33,7 @@ fn log() {
     let mavlink = MAVLINK.get();
     let clock = gnss.map(|report| report.clock).unwrap_or_default();
     defmt::info!(
-        "status variant={} state={} second={} source={} utc={} unc_ns={=u64} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}{}",
+        "status variant={} state={} second={} source={} utc={} unc_ns={=u64} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}{}{}",
         VARIANT,
         reading.state,
         gnss.map(|report| report.second).unwrap_or_default(),
@@ -52,6 +50,7 @@ fn log() {
         Gnss(gnss),
         Mavlink(mavlink),
         Slot(CARD.get()),
+        Log,
     );
 }
 
@@ -196,6 +195,15 @@ impl Format for Slot {
             "card_fifo": fifo,
             "card_refused": refused,
         });
+    }
+}
+
+/// What is not in the log.
+struct Log;
+
+impl Format for Log {
+    fn format(&self, f: Formatter) {
+        count(f, defmt::intern!("log_dropped"), logger::dropped());
     }
 }
 

@@ -86,6 +86,8 @@ impl Log {
 pub(crate) struct Operator {
     inbox: Receiver<Order>,
     log: Log,
+    /// When the log is to be read next.
+    log_due: WorldNanos,
     goal: WorldNanos,
 }
 
@@ -96,6 +98,7 @@ impl Operator {
         Self {
             inbox,
             log,
+            log_due: WorldNanos(0),
             goal: WorldNanos(0),
         }
     }
@@ -179,8 +182,13 @@ impl Driver<Pixhawk1> for Operator {
         let now = WorldNanos(stop.at.0);
         let Pixhawk1 { mcu, pulse, .. } = session.board_mut();
         pulse.prepare(now, mcu);
-        if now.0.is_multiple_of(LOG_EVERY_NS) {
-            self.log.read(now, host);
+        // A core that does not sleep stops between two instructions, a little later than it was
+        // asked to.
+        let this_ms = WorldNanos(now.0 / LOG_EVERY_NS * LOG_EVERY_NS);
+        let next_log = this_ms.plus(LOG_EVERY_NS);
+        if now >= self.log_due {
+            self.log.read(this_ms, host);
+            self.log_due = next_log;
         }
         while now >= self.goal {
             // A holder that is gone takes the board's power with it.
@@ -199,7 +207,6 @@ impl Driver<Pixhawk1> for Operator {
                 Next::End => return None,
             }
         }
-        let next_log = WorldNanos((now.0 / LOG_EVERY_NS + 1) * LOG_EVERY_NS);
         let next = Self::next_stop(session, now).into_iter();
         let next = next.chain([next_log, self.goal]).min()?;
         Some(VirtualNanos(next.0))

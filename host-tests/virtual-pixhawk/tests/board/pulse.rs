@@ -121,7 +121,7 @@ fn of_an_edge_that_bounces_the_first_is_the_pulse() {
 const BYTE_NS: i64 = 86_806;
 
 #[test]
-fn a_ping_that_meets_the_status_line_is_stamped_within_a_tick() {
+fn a_ping_that_meets_the_status_line_is_stamped_at_once() {
     let Some(firmware) = image() else { return };
     let settings = receiver_settings();
     // The line is written once a second; its start is somewhere in this half of a ms.
@@ -143,6 +143,6 @@ fn a_ping_that_meets_the_status_line_is_stamped_within_a_tick() {
     });
     let most_ns = late_ns.max().unwrap();
     println!("{most_ns} ns late");
-    // Some of them met it, and none met more than a tick. Answers have whole µs.
-    assert!((10_000..50_000).contains(&most_ns), "{most_ns} ns");
+    // Answers have whole µs.
+    assert!((-1_000..=3_000).contains(&most_ns), "{most_ns} ns");
 }

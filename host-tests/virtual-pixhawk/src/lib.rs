@@ -10,8 +10,8 @@
 //! log, its statics and what it has sent are read where it stands, and a meter counts what it
 //! executes. [`Gaps`] has what the emulator does not model: a run without gaps can be believed.
 //!
-//! *Limits.* One instruction is one cycle: no wait states, no time for entering an
-//! exception. A UART's words take the board's own ten bit times. The USB device and
+//! *Limits.* Each instruction takes the same time, one cycle or so many as
+//! [`CyclesPerInstruction`] says: no wait states, no time for entering an exception. A UART's words take the board's own ten bit times. The USB device and
 //! hardware flow control have no model. The crystal does not wander during a run.
 
 mod board;
@@ -25,18 +25,20 @@ mod pulse_wire;
 mod rtt;
 mod run;
 mod script;
+mod sections;
 mod stepping;
 mod tcp;
 mod waveform;
 mod wire;
 
+pub use board::CyclesPerInstruction;
 pub use card::{Card, Fault, Transfer};
 pub use clock::ClockReading;
 pub use gaps::Gaps;
 pub use image::{Firmware, IMAGE_VARIABLE, Symbol};
 pub use meter::{Profile, Tally};
 pub use operator::Logged;
-pub use run::{Builder, Connector, Pixhawk};
+pub use run::{Builder, Connector, PACE_VARIABLE, Pixhawk};
 pub use script::Script;
 pub use tcp::{TcpLine, Visits};
 pub use wire::ReceivedByte;

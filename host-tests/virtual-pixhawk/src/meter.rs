@@ -18,13 +18,14 @@
 //! A function that the compiler has inlined has no address to watch. Metered virtual
 //! time costs about a microsecond of the host's for each instruction.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rigless::emulator::ProcessorConstructor;
 
 use crate::image::{APPLICATION, APPLICATION_MAX, Firmware, Symbol};
-use crate::stepping::{Moment, Observer, Origin, Stepping};
+use crate::sections::Sections;
+use crate::stepping::{Moment, Observer, Origin, Stepping, Traffic};
 
 /// How many times something ran, and the instructions that it took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -40,7 +41,7 @@ pub struct Tally {
 }
 
 impl Tally {
-    fn add(&mut self, instructions: u64) {
+    pub(crate) fn add(&mut self, instructions: u64) {
         self.least = match self.times {
             0 => instructions,
             _ => self.least.min(instructions),
@@ -64,6 +65,9 @@ pub struct Profile {
     /// By the name with which it was watched: its calls and their instructions, with
     /// those of everything that it called and without those of interrupts.
     pub functions: BTreeMap<String, Tally>,
+    /// By the same name: the exceptions on whose behalf it was called, 0 for none.
+    pub callers: BTreeMap<String, BTreeSet<u16>>,
+    sections: Sections,
     /// How often the instruction at each halfword of the application was executed.
     executed: Vec<u64>,
 }
@@ -81,6 +85,31 @@ impl Profile {
         };
         let inside = self.executed.iter().take(last).skip(first);
         inside.sum()
+    }
+
+    /// The sections under PRIMASK, by the function in which they begin; the longest first.
+    #[must_use]
+    pub fn masked<'a>(&self, firmware: &'a Firmware) -> Vec<(&'a str, Tally)> {
+        let mut sections: Vec<_> = self
+            .sections
+            .masked
+            .iter()
+            .map(|(&from, &tally)| (firmware.function_at(from).unwrap_or("?"), tally))
+            .collect();
+        sections.sort_by_key(|&(name, tally)| (std::cmp::Reverse(tally.most), name));
+        sections
+    }
+
+    /// From an interrupt's request to the first instruction of its handler, by exception number.
+    #[must_use]
+    pub const fn entries(&self) -> &BTreeMap<u16, Tally> {
+        &self.sections.entries
+    }
+
+    /// From an interrupt's request to the reading of the time in its handler, by exception number.
+    #[must_use]
+    pub const fn stamps(&self) -> &BTreeMap<u16, Tally> {
+        &self.sections.stamps
     }
 
     /// The functions of `firmware` with the instructions executed inside each,
@@ -138,6 +167,8 @@ pub(crate) struct Count {
     handlers: Vec<u32>,
     /// The thread, and on it the exceptions that are active; the last one runs.
     activations: Vec<Activation>,
+    /// The exception of the last instruction.
+    running: u16,
 }
 
 impl Observer for Count {
@@ -163,6 +194,11 @@ impl Observer for Count {
         }
         if let Some(function) = self.entries.get(&moment.pc) {
             let Origin { sp, lr } = origin();
+            self.profile
+                .callers
+                .entry(function.clone())
+                .or_default()
+                .insert(moment.ipsr);
             running.calls.push(Call {
                 function: function.clone(),
                 returns_to: lr & !1,
@@ -174,6 +210,9 @@ impl Observer for Count {
 
     fn after(&mut self, moment: Moment, retired: u64) {
         self.profile.instructions += retired;
+        self.running = moment.ipsr;
+        let executed = self.profile.instructions;
+        self.profile.sections.after(moment, retired, executed);
         if moment.ipsr == 0 {
             self.profile.in_thread += retired;
         }
@@ -187,6 +226,13 @@ impl Observer for Count {
         if let Some(running) = self.activations.last_mut() {
             running.instructions += retired;
         }
+    }
+
+    fn on_traffic(&mut self, traffic: Traffic) {
+        let executed = self.profile.instructions;
+        self.profile
+            .sections
+            .on_traffic(traffic, self.running, executed);
     }
 }
 
@@ -266,6 +312,7 @@ impl Meter {
             entries,
             handlers,
             activations: Vec::new(),
+            running: 0,
         };
         Ok(())
     }

@@ -21,7 +21,7 @@ use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 use world::{Pulse, Sent, Talker, WorldNanos};
 
-use crate::board::{GPS, Pixhawk1, TELEM1};
+use crate::board::{CyclesPerInstruction, GPS, Pixhawk1, TELEM1};
 use crate::card::Card;
 use crate::gaps::Gaps;
 use crate::image::Firmware;
@@ -30,6 +30,10 @@ use crate::operator::{Log, Logged, Next, Operator, Order, Stopped};
 use crate::pulse_wire::PulseWire;
 use crate::script::Script;
 use crate::wire::{ReceivedByte, Wire};
+
+/// The variable that says how many cycles an instruction takes on a board whose builder is told nothing
+/// else, 1 without it; `cargo xtask board-test` plays its tests by it.
+pub const PACE_VARIABLE: &str = "PIXCLOCK_CYCLES_PER_INSTRUCTION";
 
 /// One of the board's connectors with a serial line on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,6 +57,7 @@ impl Connector {
 pub struct Builder {
     firmware: Firmware,
     crystal_ppb: i32,
+    pace: CyclesPerInstruction,
     gps: Box<dyn Talker + Send>,
     telem1: Box<dyn Talker + Send>,
     pulse: PulseWire,
@@ -71,12 +76,19 @@ pub struct Pixhawk {
 
 impl Builder {
     /// A board with `firmware` in its flash, a perfect crystal, and nothing on its
-    /// connectors.
+    /// connectors. Its core is as fast as [`PACE_VARIABLE`] says.
+    ///
+    /// # Panics
+    ///
+    /// When that says something that is no pace.
     #[must_use]
     pub fn new(firmware: Firmware) -> Self {
         Self {
             firmware,
             crystal_ppb: 0,
+            pace: std::env::var(PACE_VARIABLE).map_or(CyclesPerInstruction::ONE, |pace| {
+                pace.parse().expect("the variable of the core's pace")
+            }),
             gps: Box::new(Script::default()),
             telem1: Box::new(Script::default()),
             pulse: PulseWire::new(std::iter::empty()),
@@ -89,6 +101,13 @@ impl Builder {
     #[must_use]
     pub fn crystal_ppb(mut self, ppb: i32) -> Self {
         self.crystal_ppb = ppb;
+        self
+    }
+
+    /// Makes the core slower.
+    #[must_use]
+    pub const fn pace(mut self, pace: CyclesPerInstruction) -> Self {
+        self.pace = pace;
         self
     }
 
@@ -129,6 +148,7 @@ impl Builder {
         let Self {
             firmware,
             crystal_ppb,
+            pace,
             gps,
             telem1,
             pulse,
@@ -138,6 +158,7 @@ impl Builder {
         let log = Log::new(&firmware)?;
         let board = Pixhawk1::new(
             crystal_ppb,
+            pace,
             Wire::new(gps),
             Wire::new(telem1),
             pulse,

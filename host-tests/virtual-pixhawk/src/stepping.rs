@@ -14,8 +14,10 @@
 use std::fmt::Debug;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use rigless::device::Level;
 use rigless::emulator::{
-    Access, Checked, CoreBus, DataModel, Error, Exit, HostCall, InterruptLine, Processor, Queued,
+    Access, AccessKind, Checked, CoreBus, DataModel, Error, Exit, HostCall, InterruptLine,
+    Processor, Queued,
 };
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
@@ -24,6 +26,7 @@ use rigless::time::VirtualNanos;
 const SP: usize = 13;
 const LR: usize = 14;
 const XPSR: usize = 16;
+const PRIMASK: usize = 36;
 /// The bits of xPSR that name the exception that is active.
 const IPSR: u32 = 0x1ff;
 
@@ -32,6 +35,17 @@ const IPSR: u32 = 0x1ff;
 pub(crate) struct Moment {
     pub(crate) pc: u32,
     pub(crate) ipsr: u16,
+    /// PRIMASK: no interrupt can come.
+    pub(crate) is_masked: bool,
+}
+
+/// What goes over the core's bus and its interrupt lines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Traffic {
+    /// An instruction read this address.
+    Read(u64),
+    /// A peripheral drives its interrupt line.
+    Line(u16, Level),
 }
 
 /// The registers that show where a call or an exception came from.
@@ -52,6 +66,9 @@ pub(crate) trait Observer: Debug + Send {
 
     /// `retired` instructions were executed at `moment`: one, or none if it faulted.
     fn after(&mut self, moment: Moment, retired: u64);
+
+    /// It went over the bus after the instructions that were seen so far, or with the last of them.
+    fn on_traffic(&mut self, traffic: Traffic);
 }
 
 /// A processor with its observer.
@@ -76,6 +93,7 @@ impl<O> Stepping<O> {
             // The part's addresses are 32 bits wide.
             pc: self.inner.pc() as u32,
             ipsr: (self.register(XPSR) & IPSR) as u16,
+            is_masked: self.register(PRIMASK) & 1 != 0,
         }
     }
 
@@ -95,10 +113,14 @@ impl<O: Observer> Processor for Stepping<O> {
             drop(observer);
             return self.inner.run(budget, bus);
         }
-        let mut bus = OneAtATime(bus);
+        let mut bus = OneAtATime {
+            bus,
+            traffic: Vec::new(),
+        };
         let mut retired = 0;
         while retired < u64::from(budget) {
             let (exit, _) = self.inner.run(0, &mut bus);
+            bus.show(&mut *observer);
             if exit != Exit::Budget {
                 return (exit, retired);
             }
@@ -106,6 +128,7 @@ impl<O: Observer> Processor for Stepping<O> {
             observer.before(moment, || self.origin());
             let (exit, one) = self.inner.run(1, &mut bus);
             observer.after(moment, one);
+            bus.show(&mut *observer);
             retired += one;
             if exit != Exit::Budget {
                 return (exit, retired);
@@ -119,6 +142,12 @@ impl<O: Observer> Processor for Stepping<O> {
     }
 
     fn ask(&mut self, queued: Queued) {
+        if let Queued::Line(line, level) = queued {
+            let mut observer = self.observer.lock().unwrap_or_else(PoisonError::into_inner);
+            if observer.is_on() {
+                observer.on_traffic(Traffic::Line(line.index(), level));
+            }
+        }
         self.inner.ask(queued);
     }
 
@@ -214,38 +243,60 @@ impl<O: Observer> Processor for Stepping<O> {
 }
 
 /// The run's bus, which never lets the processor go on past its budget.
-struct OneAtATime<'a>(&'a mut dyn CoreBus);
+struct OneAtATime<'a> {
+    bus: &'a mut dyn CoreBus,
+    /// What has gone over it and was not shown yet.
+    traffic: Vec<Traffic>,
+}
+
+impl OneAtATime<'_> {
+    /// Shows what has gone over it.
+    fn show(&mut self, observer: &mut impl Observer) {
+        for traffic in self.traffic.drain(..) {
+            observer.on_traffic(traffic);
+        }
+    }
+}
 
 impl CoreBus for OneAtATime<'_> {
     fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
-        self.0.access(access, from_code)
+        if access.kind == AccessKind::Read && from_code {
+            self.traffic.push(Traffic::Read(access.address));
+        }
+        self.bus.access(access, from_code)
     }
 
     fn time(&self, instructions: u64) -> VirtualNanos {
-        self.0.time(instructions)
+        self.bus.time(instructions)
     }
 
     fn queued(&mut self) -> Vec<Queued> {
-        self.0.queued()
+        let queued = self.bus.queued();
+        let lines = queued.iter().filter_map(|queued| match *queued {
+            Queued::Line(line, level) => Some(Traffic::Line(line.index(), level)),
+            _ => None,
+        });
+        self.traffic.extend(lines);
+        queued
     }
 
     fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64> {
-        self.0.acknowledge(line, instructions)
+        self.bus.acknowledge(line, instructions)
     }
 
     fn read_checked(&mut self, access: Access, report: bool) -> Option<Checked> {
-        self.0.read_checked(access, report)
+        self.bus.read_checked(access, report)
     }
 
     fn write_checked(&mut self, access: Access) -> Option<bool> {
-        self.0.write_checked(access)
+        self.bus.write_checked(access)
     }
 
     fn stops_before(&mut self, access: &Access) -> bool {
-        self.0.stops_before(access)
+        self.bus.stops_before(access)
     }
 
     fn send_trace(&mut self, bytes: &[u8]) {
-        self.0.send_trace(bytes);
+        self.bus.send_trace(bytes);
     }
 }

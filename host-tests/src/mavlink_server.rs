@@ -13,8 +13,8 @@ use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use mavlink_node::{
-    Command, Config, Fix, LogFile, Node, NodeTime, Parameter, Parameters, Request, RequestKind,
-    Test,
+    Command, Config, Fix, LogFile, Node, NodeTime, Order, Parameter, Parameters, Request,
+    RequestKind, Test,
 };
 use sample_log::{Record, Sample, SampleLog};
 use timebase::{ClockState, Cycles, StampedByte};
@@ -206,9 +206,9 @@ impl<'a> Board<'a> {
             _ => None,
         };
         match test {
-            Some(Test::Begins) => self.test_began = Some(Instant::now()),
-            Some(Test::Ends) if self.misses_the_end => return Ok(()),
-            Some(Test::Ends) | None => {}
+            Some(Order::Test(Test::Begins)) => self.test_began = Some(Instant::now()),
+            Some(Order::Test(Test::Ends)) if self.misses_the_end => return Ok(()),
+            Some(Order::Test(Test::Ends) | Order::Describe(_)) | None => {}
         }
         let since_arrival = self
             .booted
@@ -292,7 +292,8 @@ impl Held<'_> {
                 });
             }
             RequestKind::Command(Command {
-                meaning: Ok(test), ..
+                meaning: Ok(Order::Test(test)),
+                ..
             }) => self.log.handle_test(test),
             RequestKind::EraseLog => self.log.clear(),
             RequestKind::Command(_) | RequestKind::TimeSync { .. } => {}

@@ -7,9 +7,9 @@ mod mavlink_frames;
 mod mavlink_line;
 
 use mavlink_frames::Frame;
-use mavlink_line::{GROUND, TIME, US, ask, feed, node, parsed};
+use mavlink_line::{Board, GROUND, TIME, US, ask, feed, node, parsed};
 use mavlink_node::client::{Client, Message};
-use mavlink_node::{Command, Refusal, RequestKind, Test, Version};
+use mavlink_node::{Command, Described, Order, Refusal, RequestKind, Test, Version};
 
 const OURS: [u8; 2] = [1, 1];
 
@@ -31,9 +31,9 @@ fn command(long: bool, v2: bool, number: u16, param1: f32) -> Frame {
 #[test]
 fn a_test_begins_and_ends_by_command() {
     for (param1, meaning, result) in [
-        (0.0, Ok(Test::Begins), 0),
-        (-0.0, Ok(Test::Begins), 0),
-        (1.0, Ok(Test::Ends), 0),
+        (0.0, Ok(Order::Test(Test::Begins)), 0),
+        (-0.0, Ok(Order::Test(Test::Begins)), 0),
+        (1.0, Ok(Order::Test(Test::Ends)), 0),
         (2.0, Err(Refusal::Denied), 2),
         (-1.0, Err(Refusal::Denied), 2),
         (0.5, Err(Refusal::Denied), 2),
@@ -71,7 +71,7 @@ fn the_clients_commands_are_obeyed() {
         let mut node = node();
         for test in [Test::Begins, Test::Ends] {
             let request = ask(&mut node, &client.test(US, test));
-            let meaning = Ok(test);
+            let meaning = Ok(Order::Test(test));
             let number = USER_1;
             assert_eq!(
                 request.kind,
@@ -90,8 +90,8 @@ fn the_clients_commands_are_obeyed() {
 
 #[test]
 fn commands_to_us_are_refused_whatever_their_number() {
-    // REQUEST_MESSAGE, REQUEST_AUTOPILOT_CAPABILITIES, and numbers that are not assigned.
-    for number in [512, 520, 0, 6, 49_999, u16::MAX] {
+    // GET_HOME_POSITION, and numbers that are not assigned.
+    for number in [410, 511, 521, 0, 6, 49_999, u16::MAX] {
         for frame in [
             Frame::command_long(false, number, OURS),
             Frame::command_long(true, number, OURS),
@@ -138,4 +138,63 @@ fn commands_to_others_and_to_all_are_ignored() {
     }
     assert_eq!(node.counters().commands, 0);
     assert_eq!(node.counters().for_others, 8);
+}
+
+#[test]
+fn versions_are_told_to_who_asks() {
+    // REQUEST_MESSAGE of both, and the older commands.
+    for (number, param1, what) in [
+        (512, 148.0, Described::Autopilot),
+        (512, 300.0, Described::Protocol),
+        (520, 1.0, Described::Autopilot),
+        (519, 1.0, Described::Protocol),
+    ] {
+        for (long, v2) in [(true, false), (true, true), (false, false), (false, true)] {
+            let mut node = node();
+            let request = ask(&mut node, &command(long, v2, number, param1).bytes());
+            let meaning = Ok(Order::Describe(what));
+            assert_eq!(
+                request.kind,
+                RequestKind::Command(Command { number, meaning })
+            );
+            let ack = node.answer(&request, TIME);
+            assert!(matches!(
+                parsed(&ack),
+                Some(Message::CommandAck { command, result: 0 }) if command == number
+            ));
+            let frame = node.poll(&Board::of(0)).expect("the message");
+            assert!(!node.has_more());
+            let expected = match what {
+                Described::Autopilot => {
+                    // u64 capabilities: COMMAND_INT, PARAM_ENCODE_C_CAST, MAVLINK2; u64 uid; u32
+                    // release 0.1.0 of type dev; the rest is 0.
+                    let mut payload = (8_u64 + 131_072 + 8_192).to_le_bytes().to_vec();
+                    payload.extend([0; 8]);
+                    payload.extend([0, 0, 1, 0]);
+                    payload.resize(if v2 { 78 } else { 60 }, 0);
+                    Frame::message(v2, 148, 178, payload)
+                }
+                // MAVLink 1.0 to 2.0.
+                Described::Protocol => Frame::message(true, 300, 217, vec![200, 0, 100, 0, 200, 0]),
+            };
+            let expected = Frame {
+                sequence: 1,
+                system: 1,
+                component: 1,
+                ..expected
+            };
+            assert_eq!(*frame, expected.bytes(), "{number} {v2}");
+        }
+    }
+    // A message that there is none of.
+    for (number, param1) in [(512, 0.0), (512, 149.0), (519, 0.0), (520, 2.0)] {
+        let mut node = node();
+        let request = ask(&mut node, &command(true, true, number, param1).bytes());
+        let meaning = Err(Refusal::Denied);
+        assert_eq!(
+            request.kind,
+            RequestKind::Command(Command { number, meaning })
+        );
+        assert!(!node.has_more());
+    }
 }

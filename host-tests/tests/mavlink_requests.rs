@@ -32,12 +32,8 @@ fn targeted() -> Vec<(u32, u8, Vec<u8>, usize)> {
         (119, 116, data, 10),
         (121, 237, vec![0, 0], 0),
         (122, 203, vec![0, 0], 0),
+        (43, 132, vec![0, 0], 0),
     ]
-}
-
-/// Whether a kind is received in MAVLink 1, too.
-fn in_v1(id: u32) -> bool {
-    ![20, 23].contains(&id)
 }
 
 #[test]
@@ -55,16 +51,20 @@ fn what_names_others_is_left_alone() {
             }
             assert!(!node.has_more(), "{id}");
             let counters = node.counters();
-            assert_eq!((counters.parameters, counters.logs), (0, 0), "{id}");
-            if !v2 && in_v1(id) {
+            assert_eq!(
+                (counters.parameters, counters.logs, counters.missing),
+                (0, 0, 0),
+                "{id}"
+            );
+            if !v2 {
                 assert_eq!(counters.for_others, 5, "{id}");
             }
             for target in [[1, 1], [1, 0]] {
                 feed(&mut node, 0, &to(target));
             }
-            let received = node.counters().parameters + node.counters().logs;
-            let expected = if v2 || in_v1(id) { 2 } else { 0 };
-            assert_eq!(received, expected, "{id}");
+            let counters = node.counters();
+            let received = counters.parameters + counters.logs + counters.missing;
+            assert_eq!(received, 2, "{id}");
         }
     }
 }
@@ -81,9 +81,11 @@ fn a_damaged_request_starts_nothing() {
             note(&mut node, &damaged);
         }
         assert!(!node.has_more(), "{id}");
-        // The good one after all that is received.
+        // The good one after all that is received, once no damaged length claims it.
+        feed(&mut node, 0, &[0; 300]);
         feed(&mut node, 0, &bytes);
-        let received = node.counters().parameters + node.counters().logs;
+        let counters = node.counters();
+        let received = counters.parameters + counters.logs + counters.missing;
         assert_eq!(received, 1, "{id}");
     }
 }
@@ -185,4 +187,90 @@ proptest! {
         prop_assert!(is_ping);
         polled(&mut node, &board);
     }
+}
+
+/// The only frame that the node has to send.
+fn only_frame(node: &mut mavlink_node::Node) -> mavlink_node::Frame {
+    let frame = node.poll(&Board::of(0)).expect("a frame");
+    assert!(!node.has_more());
+    frame
+}
+
+#[test]
+fn there_are_no_missions_and_that_is_said() {
+    for (v2, mission_type) in [(false, 0), (true, 0), (true, 1), (true, 2), (true, 200)] {
+        let mut node = node();
+        let mut payload = vec![1, 1];
+        if v2 {
+            payload.push(mission_type);
+        }
+        note(&mut node, &Frame::message(v2, 43, 132, payload).bytes());
+        // u16 count, u8 system, component, u8 type.
+        let mut count = vec![0, 0, 255, 190];
+        if v2 {
+            count.push(mission_type);
+        }
+        let expected = Frame {
+            system: 1,
+            component: 1,
+            ..Frame::message(v2, 44, 221, count)
+        };
+        assert_eq!(*only_frame(&mut node), expected.bytes());
+    }
+}
+
+#[test]
+fn there_are_no_files_and_that_is_said() {
+    // OpenFileRO and ListDirectory: not found; TerminateSession, and one that is not known: no such
+    // command.
+    for (opcode, error) in [(4, 10), (3, 10), (1, 7), (99, 7)] {
+        let mut node = node();
+        let mut payload = vec![0, 1, 1, 0xff, 0xff, 5, opcode, 20, 0, 0, 0, 0, 0, 0, 0];
+        payload.extend(b"@PARAM/param.pck?with");
+        // As short as it goes over the line, and as long as it can be.
+        for len in [payload.len(), 254] {
+            payload.resize(len, 0x11);
+            let mut node_now = mavlink_line::node();
+            std::mem::swap(&mut node, &mut node_now);
+            note(
+                &mut node,
+                &Frame::message(true, 110, 84, payload.clone()).bytes(),
+            );
+            // The next number, the session, NAK, one byte, of which request, and why.
+            let mut nak = vec![0, 255, 190, 0, 0, 5, 129, 1, opcode, 0, 0, 0, 0, 0, 0];
+            nak.push(error);
+            let expected = Frame {
+                system: 1,
+                component: 1,
+                ..Frame::message(true, 110, 84, nak)
+            };
+            assert_eq!(*only_frame(&mut node), expected.bytes());
+            assert_eq!(node.counters().missing, 1);
+        }
+    }
+    // An answer of somebody is none to answer.
+    let mut node = node();
+    let ack = vec![0, 1, 1, 0, 0, 0, 128, 0, 4];
+    note(&mut node, &Frame::message(true, 110, 84, ack).bytes());
+    assert!(!node.has_more());
+}
+
+#[test]
+fn nobody_is_not_answered() {
+    let mut node = node();
+    // A PING of system 0: the answer would be a request to all.
+    let ping = [
+        0xfd, 9, 0, 0, 0, 0, 0, 4, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 9, 0xe8, 0x7e,
+    ];
+    note(&mut node, &ping);
+    for frame in [
+        Frame::timesync(true, 0, 7, [0, 0]),
+        Frame::command_long(true, 31_010, [1, 1]),
+        Frame::message(true, 21, 159, vec![1, 1]),
+    ] {
+        note(&mut node, &Frame { system: 0, ..frame }.bytes());
+    }
+    assert!(!node.has_more());
+    let counters = node.counters();
+    assert_eq!((counters.from_nobody, counters.pings), (4, 0));
 }

@@ -347,10 +347,15 @@ impl Writer {
     }
 
     /// Puts a whole frame into the ring, or none of it; whether there was room.
-    #[inline(never)]
     pub fn send(&mut self, frame: &[u8]) -> bool {
+        self.send_leaving(frame, 0)
+    }
+
+    /// The same, but `kept` bytes of the ring stay free for what must have room.
+    #[inline(never)]
+    pub fn send_leaving(&mut self, frame: &[u8], kept: usize) -> bool {
         let room = self.outgoing.capacity() - self.outgoing.len();
-        if room < frame.len() {
+        if room < frame.len() + kept {
             self.line.count(Kind::OutgoingFull);
             return false;
         }

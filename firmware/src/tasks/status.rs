@@ -161,15 +161,18 @@ impl Format for Mavlink {
             "mav_commands": commands,
             "mav_parameters": parameters,
             "mav_logs": logs,
+            "mav_missing": missing,
             "mav_unknown": unknown,
             "mav_answers": answers,
             "mav_for_others": for_others,
+            "mav_from_nobody": from_nobody,
         });
         nonzero!(f, report.node.framing, {
             "mav_crc_failures": crc_failures,
             "mav_abandoned": abandoned,
             "mav_unknown_flags": unknown_flags,
             "mav_signed": signed,
+            "mav_claimed": claimed,
             "mav_foreign_bytes": foreign_bytes,
         });
         nonzero!(f, report.line, {

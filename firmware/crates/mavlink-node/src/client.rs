@@ -6,8 +6,7 @@
 //! Requests for the time go to all systems, everything else to one node.
 //!
 //! *Limits.* It has no clock: the caller notes when it sends and receives, and repeats a request
-//! that was not answered. PARAM_REQUEST_READ is always sent in MAVLink 2, because a node
-//! receives it in that version only.
+//! that was not answered.
 
 use mavlink::MavlinkVersion::V2;
 use mavlink::MessageData;
@@ -182,7 +181,7 @@ const FIX_TYPE: usize = 28;
 /// Builds requests, and understands messages.
 #[derive(Debug)]
 pub struct Client {
-    framer: Framer<Answers, MAX_PAYLOAD, 256>,
+    framer: Framer<Answers, MAX_PAYLOAD, 512, 128>,
     sender: Sender,
     version: Version,
 }
@@ -249,7 +248,7 @@ impl Client {
             target_component: node.component,
             param_id: parameter.name().into(),
         };
-        self.sender.message(Version::V2, &request)
+        self.frame(&request)
     }
 
     /// A request for the list of logs. Answered with [`Message::LogEntry`].

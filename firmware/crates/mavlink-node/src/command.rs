@@ -1,8 +1,9 @@
-//! The one command that a node obeys: a test begins, or a test ends.
+//! The commands that a node obeys.
 //!
 //! *Purpose.* MAV_CMD_USER_1 (31010) with 0 as its first parameter begins a test: the
 //! log of PINGs is cleared and records. With 1 the test ends: the log is frozen, and
-//! written to the card if there is one.
+//! written to the card if there is one. MAV_CMD_REQUEST_MESSAGE (512) asks for AUTOPILOT_VERSION
+//! (148) or PROTOCOL_VERSION (300), and so do the older commands 520 and 519.
 //!
 //! *Design.* Parsed from the raw payload, since the type in `mavlink` has no value for commands
 //! that it does not know, and these have to be refused.
@@ -14,13 +15,19 @@ use core::error::Error;
 use core::fmt;
 
 use mavlink::MessageData;
-use mavlink::dialects::common::{COMMAND_ACK_DATA, MavResult};
+use mavlink::dialects::common::{AUTOPILOT_VERSION_DATA, COMMAND_ACK_DATA, MavResult};
 use sample_log::Test;
 
 use crate::frame::{Address, Frame, Sender, Version};
+use crate::told::{Described, PROTOCOL_VERSION};
 
 /// MAV_CMD_USER_1.
 pub(crate) const USER_1: u16 = 31_010;
+
+/// MAV_CMD_REQUEST_MESSAGE, _REQUEST_PROTOCOL_VERSION, _REQUEST_AUTOPILOT_CAPABILITIES.
+const REQUEST_MESSAGE: u16 = 512;
+const REQUEST_PROTOCOL_VERSION: u16 = 519;
+const REQUEST_AUTOPILOT_CAPABILITIES: u16 = 520;
 
 /// The offset of the command's number in COMMAND_LONG and in COMMAND_INT, in bytes: behind seven
 /// words, of which the first is a float in both.
@@ -55,33 +62,55 @@ impl fmt::Display for Refusal {
 
 impl Error for Refusal {}
 
+/// What a command wants to have done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// A test begins or ends.
+    Test(Test),
+    /// A message is sent after the acknowledgement.
+    Describe(Described),
+}
+
 /// A command to this node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Command {
     /// MAV_CMD, whether known or not.
     pub number: u16,
     /// What it means to this node.
-    pub meaning: Result<Test, Refusal>,
+    pub meaning: Result<Order, Refusal>,
 }
 
 impl Command {
     pub(crate) fn parse(payload: &[u8]) -> Option<Self> {
         let number = u16::from_le_bytes(*payload.get(NUMBER..)?.first_chunk()?);
         let param1 = f32::from_le_bytes(*payload.first_chunk()?);
-        let meaning = if number != USER_1 {
-            Err(Refusal::Unsupported)
-        } else {
-            [Test::Begins, Test::Ends]
+        let describe = |what, is_meant: bool| {
+            let order = is_meant.then_some(Order::Describe(what));
+            order.ok_or(Refusal::Denied)
+        };
+        let meaning = match number {
+            USER_1 => [Test::Begins, Test::Ends]
                 .into_iter()
                 .find(|test| self::param1(*test) == param1)
-                .ok_or(Refusal::Denied)
+                .map(Order::Test)
+                .ok_or(Refusal::Denied),
+            REQUEST_MESSAGE if param1 == PROTOCOL_VERSION as f32 => {
+                describe(Described::Protocol, true)
+            }
+            REQUEST_MESSAGE => describe(
+                Described::Autopilot,
+                param1 == AUTOPILOT_VERSION_DATA::ID as f32,
+            ),
+            REQUEST_PROTOCOL_VERSION => describe(Described::Protocol, param1 == 1.0),
+            REQUEST_AUTOPILOT_CAPABILITIES => describe(Described::Autopilot, param1 == 1.0),
+            _ => Err(Refusal::Unsupported),
         };
         Some(Self { number, meaning })
     }
 
     /// COMMAND_ACK, built by hand for the same reason.
     pub(crate) fn ack(self, sender: &mut Sender, version: Version, to: Address) -> Frame {
-        let (id, crc_extra) = (COMMAND_ACK_DATA::ID as u8, COMMAND_ACK_DATA::EXTRA_CRC);
+        let (id, crc_extra) = (COMMAND_ACK_DATA::ID, COMMAND_ACK_DATA::EXTRA_CRC);
         let [low, high] = self.number.to_le_bytes();
         let result = match self.meaning {
             Ok(_) => MavResult::MAV_RESULT_ACCEPTED,

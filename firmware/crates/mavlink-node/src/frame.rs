@@ -113,19 +113,18 @@ impl Sender {
     /// The next frame, with `message` as its payload.
     pub(crate) fn message<M: MessageData>(&mut self, version: Version, message: &M) -> Frame {
         const { assert!(M::ENCODED_LEN <= MAX_PAYLOAD) };
-        // An id of MAVLink 1 has one byte.
-        const { assert!(M::ID <= u8::MAX as u32) };
-        self.frame(version, M::ID as u8, M::EXTRA_CRC, |payload| {
+        self.frame(version, M::ID, M::EXTRA_CRC, |payload| {
             message.ser(version.into(), payload)
         })
     }
 
-    /// The next frame; `fill` writes the payload and returns its length.
+    /// The next frame; `fill` writes the payload and returns its length. An id above 255 is for
+    /// MAVLink 2.
     #[inline]
     pub(crate) fn frame(
         &mut self,
         version: Version,
-        id: u8,
+        id: u32,
         crc_extra: u8,
         fill: impl FnOnce(&mut [u8; MAX_PAYLOAD]) -> usize,
     ) -> Frame {
@@ -150,10 +149,11 @@ impl Sender {
         &mut self,
         frame: &mut Frame,
         version: Version,
-        id: u8,
+        id: u32,
         crc_extra: u8,
         payload_len: usize,
     ) {
+        let [low, middle, high, _] = id.to_le_bytes();
         let Address { system, component } = self.address;
         let sequence = self.sequence;
         self.sequence = sequence.wrapping_add(1);
@@ -162,13 +162,13 @@ impl Sender {
         match version {
             Version::V1 => {
                 if let Some(header) = frame.bytes.first_chunk_mut::<HEADER_V1>() {
-                    *header = [MAGIC_V1, length, sequence, system, component, id];
+                    *header = [MAGIC_V1, length, sequence, system, component, low];
                 }
             }
             Version::V2 => {
                 if let Some(header) = frame.bytes.first_chunk_mut::<HEADER_V2>() {
                     *header = [
-                        MAGIC_V2, length, 0, 0, sequence, system, component, id, 0, 0,
+                        MAGIC_V2, length, 0, 0, sequence, system, component, low, middle, high,
                     ];
                 }
             }

@@ -5,7 +5,7 @@
 //!
 //! *Design.* Every magic byte may start a frame. Six bytes later (MAVLink 1; ten in MAVLink 2) the
 //! header is complete. If it has a wanted [`Kind`](crate::kind::Kind) with a length that this kind
-//! can have, the window is a *candidate*. All candidates are kept at once and none waits for
+//! can have, the window is a *candidate*. Candidates are kept side by side and none waits for
 //! another, so a false start or a false length delays no frame. A candidate is checked at its last
 //! byte, from the running checksum (see `crc.rs`) and not from its bytes.
 //!
@@ -15,24 +15,30 @@
 //! inner one is found, because it must not wait for an outer one of which nothing is proved yet.
 //! The 13 bytes of a signature belong to their frame, which is handed over before they arrive.
 //!
+//! A frame that *changes* something is a matter of more caution: it may stand in a message to
+//! somebody else, as a tunnel carries them. Of these kinds a frame is found only where a reader
+//! would find it that takes one frame after the other: that reader skips what a header claims,
+//! unless the header is of a wanted kind and its checksum does not hold. Of a kind that is not
+//! wanted nothing can be checked, and its claim stands.
+//!
+//! A payload may be longer than is known here. Its end can be hundreds of bytes away, so such a
+//! candidate stands in a short list, which noise can fill: then a long frame is missed, and never
+//! one of a length that is known.
+//!
 //! *Cost.* Each byte is stored and goes through the running checksum once. More is done only
 //! where a header may be complete or a candidate ends, and each of these is a fixed number of
 //! steps, because a checksum over any window is one. How often can that be?
 //!
-//! - A start is noted where a magic and a possible length follow each other: at most at every
-//!   second byte.
-//! - A candidate of MAVLink 1 needs a magic, a length and an id. No value can serve as two of
-//!   them, so no two candidates share one of these bytes: there is at most one candidate in three
-//!   bytes, `FE 0E 04` repeated. (PARAM_REQUEST_READ, with length 20 and id 20, and PARAM_SET, with
-//!   23 and 23, would make it one in two bytes. They are not wanted in MAVLink 1; a table of kinds
-//!   with another such pair does not compile.)
+//! - A start is noted at each magic byte.
+//! - A candidate of MAVLink 1 needs a magic, a length and an id, and the last two can be one byte:
+//!   `FE 14` repeated is PARAM_REQUEST_READ with 20 bytes in every second byte.
 //! - A candidate of MAVLink 2 needs a magic, a length, and zeros where the next candidates would
 //!   have theirs: at most one in five bytes.
+//! - Each byte is passed once by the reader that takes one frame after the other.
 //!
-//! Measured with the bytes taken out of a queue, on a Cortex-M4: 43 instructions a byte of random
-//! bytes, 79 a byte of the worst stream, where every second end is that of two candidates.
+//! `cargo xtask bench` measures streams made to cost most.
 //!
-//! *Limits.* A frame inside the payload of an unwanted one (a tunnel) is found too. Positions are
+//! *Limits.* A PING inside the payload of an unwanted frame (a tunnel) is found. Positions are
 //! counted modulo 2^32.
 
 use core::marker::PhantomData;
@@ -41,7 +47,7 @@ use timebase::{Stamp, StampedByte};
 
 use crate::crc;
 use crate::frame::{Address, CRC_LEN, HEADER_V1, HEADER_V2, MAGIC_V1, MAGIC_V2, Version};
-use crate::kind::{Wanted, places};
+use crate::kind::{Kind, Wanted, any_is_guarded, places};
 
 /// The longest payload that a node wants, in bytes: COMMAND_INT.
 pub const MAX_PAYLOAD: usize = 35;
@@ -51,6 +57,15 @@ const SIGNED: u8 = 0x01;
 
 /// Bytes of a signature after the frame's checksum.
 const SIGNATURE_LEN: usize = 13;
+
+/// The longest frame that there can be, in bytes, with its signature.
+const LONGEST: usize = HEADER_V2 + u8::MAX as usize + CRC_LEN + SIGNATURE_LEN;
+
+/// Candidates with longer payloads than are known that are awaited at once.
+const LONG_ONES: usize = 8;
+
+/// The reader of one frame after the other goes on each time so many bytes have come.
+const READ_EVERY: u32 = 64;
 
 /// An intact frame, its checksum held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,7 +80,7 @@ pub struct Delimited<const PAYLOAD: usize = MAX_PAYLOAD> {
     pub from: Address,
     /// Its message id.
     pub id: u8,
-    /// Its payload, extended with zeros.
+    /// Its payload, extended with zeros; of a longer one the beginning.
     pub payload: [u8; PAYLOAD],
 }
 
@@ -86,6 +101,9 @@ pub struct FramingCounters {
     pub unknown_flags: u32,
     /// Frames that carried a signature, among those handed over.
     pub signed: u32,
+    /// Intact frames that would have changed something, inside of what an earlier header claims:
+    /// not handed over.
+    pub claimed: u32,
 }
 
 impl FramingCounters {
@@ -97,23 +115,32 @@ impl FramingCounters {
         abandoned: 0,
         unknown_flags: 0,
         signed: 0,
+        claimed: 0,
     };
 }
 
-/// Looks for the frames that `W` wants, with payloads of up to `PAYLOAD` bytes. `RING` is the
-/// number of positions that have a cell, a power of two: room for the bytes of the longest frame
-/// that is arriving, and for the ends of candidates that begin in it.
+/// Looks for the frames that `W` wants, of whose payloads up to `PAYLOAD` bytes are known. `RING` is
+/// the number of positions that have a cell, `ENDS` of those in which candidates are told apart that
+/// end together; both are powers of two.
 #[derive(Debug)]
-pub struct Framer<W, const PAYLOAD: usize = MAX_PAYLOAD, const RING: usize = 128> {
+pub struct Framer<
+    W,
+    const PAYLOAD: usize = MAX_PAYLOAD,
+    const RING: usize = 512,
+    const ENDS: usize = 64,
+> {
     cells: Ring<Cell, RING>,
     /// By start of a candidate: another one with the same end.
-    displaced: Ring<Candidate, RING>,
+    displaced: Ring<Candidate, ENDS>,
     /// The number of bytes that have come: the position of the next one.
     position: u32,
     /// The running checksum after the last byte.
     crc: u16,
     /// The last byte.
     last: u8,
+    long_ones: LongOnes,
+    /// Where the reader of one frame after the other stands.
+    read_to: u32,
     /// The first position after the last frame that was found.
     free_from: u32,
     /// The position at which what had begun was last given up.
@@ -121,6 +148,78 @@ pub struct Framer<W, const PAYLOAD: usize = MAX_PAYLOAD, const RING: usize = 128
     framed_bytes: u32,
     counters: FramingCounters,
     wanted: PhantomData<W>,
+}
+
+/// Candidates with longer payloads than are known, in no order.
+#[derive(Debug)]
+struct LongOnes {
+    windows: [Window; LONG_ONES],
+    count: usize,
+    /// The first position after the one that ends next; of no meaning if there is none.
+    due: u32,
+}
+
+/// A stretch of the stream.
+#[derive(Clone, Copy, Debug)]
+struct Window {
+    start: u32,
+    length: u16,
+}
+
+impl Window {
+    const fn end(self) -> u32 {
+        self.start.wrapping_add(self.length as u32)
+    }
+}
+
+impl LongOnes {
+    const NONE: Self = Self {
+        windows: [Window {
+            start: 0,
+            length: 0,
+        }; LONG_ONES],
+        count: 0,
+        due: 0,
+    };
+
+    /// Adds a window that ends after `now`, if there is room.
+    fn push(&mut self, window: Window, now: u32) {
+        if let Some(place) = self.windows.get_mut(self.count) {
+            *place = window;
+            self.count += 1;
+            self.note_due(now);
+        }
+    }
+
+    /// Takes out one that ends at `now`.
+    fn pop(&mut self, now: u32) -> Option<Window> {
+        let some = self.windows.get(..self.count)?;
+        let place = some.iter().position(|window| window.end() == now)?;
+        let last = *some.last()?;
+        let window = core::mem::replace(self.windows.get_mut(place)?, last);
+        self.count -= 1;
+        self.note_due(now);
+        Some(window)
+    }
+
+    fn note_due(&mut self, now: u32) {
+        let some = self.windows.get(..self.count).unwrap_or_default();
+        let ends = some.iter().map(|window| window.end());
+        // One that ends now may be followed by another that does.
+        self.due = ends
+            .min_by_key(|end| end.wrapping_sub(now))
+            .unwrap_or(now.wrapping_sub(1));
+    }
+}
+
+/// What a reader of one frame after the other finds at a position.
+enum Claim {
+    /// No header, or one whose checksum is known to fail.
+    None,
+    /// A frame of this length, with its signature: intact, or of a kind that cannot be checked.
+    Stands(u32),
+    /// A frame that has not ended.
+    Open,
 }
 
 /// One position of the stream.
@@ -146,6 +245,8 @@ impl Word {
     const HEADER_V1: u32 = 1 << 25;
     /// The header of a MAVLink 2 frame may be complete at this byte.
     const HEADER_V2: u32 = 1 << 26;
+    /// A frame whose checksum holds has begun at this byte, which has come.
+    const INTACT: u32 = 1 << 31;
 
     const fn new(crc: u16, byte: u8) -> Self {
         Self(crc as u32 | (byte as u32) << 16)
@@ -198,20 +299,29 @@ const fn remainder(crc: u16, own: [u8; 2]) -> u16 {
     crc ^ crc::step(0, own[0]) ^ u16::from_le_bytes(own)
 }
 
-impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Default for Framer<W, PAYLOAD, RING> {
+impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize> Default
+    for Framer<W, PAYLOAD, RING, ENDS>
+{
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Framer<W, PAYLOAD, RING> {
-    /// The longest frame of a wanted kind without its signature, in bytes.
+impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
+    Framer<W, PAYLOAD, RING, ENDS>
+{
+    /// The longest frame of a length that is known, without its signature, in bytes.
     const MAX_LENGTH: usize = HEADER_V2 + PAYLOAD + CRC_LEN;
 
     const PLACES: [u8; 256] = {
-        assert!(RING.is_power_of_two() && RING >= 2 * Self::MAX_LENGTH);
-        places(W::KINDS, PAYLOAD)
+        // Bytes are kept until the reader has passed them, and ends are noted ahead.
+        let kept = LONGEST + READ_EVERY as usize + HEADER_V2;
+        assert!(RING.is_power_of_two() && RING >= kept + Self::MAX_LENGTH);
+        assert!(ENDS.is_power_of_two() && ENDS >= Self::MAX_LENGTH);
+        places(W::KINDS)
     };
+
+    const GUARDS: bool = any_is_guarded(W::KINDS);
 
     /// A framer that has received nothing.
     #[must_use]
@@ -222,8 +332,10 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Framer<W, PAYLOAD, RING
         };
         Self {
             cells: Ring([cell; RING]),
-            displaced: Ring([Candidate(0); RING]),
+            displaced: Ring([Candidate(0); ENDS]),
             position: 0,
+            long_ones: LongOnes::NONE,
+            read_to: 0,
             free_from: 0,
             crc: crc::INIT,
             last: 0,
@@ -247,7 +359,11 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Framer<W, PAYLOAD, RING
     /// none does.
     #[inline]
     #[must_use]
-    pub fn push(&mut self, StampedByte { stamp, byte }: StampedByte) -> u8 {
+    pub fn push(&mut self, StampedByte { stamp, byte }: StampedByte) -> u16 {
+        // Before the byte comes, so that all that has ended is decided.
+        if Self::GUARDS && self.position.is_multiple_of(READ_EVERY) {
+            self.read_on(self.position.wrapping_sub(HEADER_V2 as u32));
+        }
         let (before, last) = (self.crc, self.last);
         let cell = self.cells.at_mut(self.position);
         let due = *cell;
@@ -258,8 +374,14 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Framer<W, PAYLOAD, RING
         self.crc = crc::step(before, byte);
         self.last = byte;
         self.position = self.position.wrapping_add(1);
-        if last >= MAGIC_V2 && byte <= PAYLOAD as u8 {
+        if last >= MAGIC_V2 {
             self.note_start(last);
+        }
+        if self.position == self.long_ones.due {
+            let length = self.long_intact(remainder(before, [last, byte]));
+            if length != 0 {
+                return length;
+            }
         }
         if due.word.0 < Word::END {
             return 0;
@@ -284,7 +406,7 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Framer<W, PAYLOAD, RING
         0
     }
 
-    /// A magic byte and a possible length have come: marks the position at which the header will be
+    /// A magic byte and a length have come: marks the position at which the header will be
     /// complete.
     #[inline]
     fn note_start(&mut self, magic: u8) {
@@ -300,14 +422,14 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Framer<W, PAYLOAD, RING
     /// The length of the longest intact candidate that ends with the last byte, 0
     /// for none.
     #[inline(never)]
-    fn longest_intact(&mut self, mut candidate: Candidate, remainder: u16) -> u8 {
+    fn longest_intact(&mut self, mut candidate: Candidate, remainder: u16) -> u16 {
         let mut longest = 0;
         loop {
-            let length = candidate.length();
+            let length = u16::from(candidate.length());
             let start = self.position.wrapping_sub(u32::from(length));
             if candidate.remainder() != remainder {
                 self.counters.crc_failures = self.counters.crc_failures.wrapping_add(1);
-            } else if !self.is_taken(start) {
+            } else if self.is_found(start) {
                 longest = length.max(longest);
             }
             if !candidate.displaced_another() {
@@ -315,6 +437,99 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Framer<W, PAYLOAD, RING
             }
             candidate = *self.displaced.at(start);
         }
+    }
+
+    /// The same of the candidates with longer payloads than are known.
+    #[inline(never)]
+    fn long_intact(&mut self, remainder: u16) -> u16 {
+        let mut longest = 0;
+        while let Some(Window { start, length }) = self.long_ones.pop(self.position) {
+            let extra = self.kind_at(start).map_or(0, |kind| kind.extra);
+            let covered = usize::from(length) - CRC_LEN;
+            let crc = self.cells.at(start.wrapping_add(1)).word.crc();
+            if crc::many_zeros(covered, crc ^ crc::INIT) ^ extra != remainder {
+                self.counters.crc_failures = self.counters.crc_failures.wrapping_add(1);
+            } else if self.is_found(start) {
+                longest = length.max(longest);
+            }
+        }
+        longest
+    }
+
+    /// Whether the frame at `start`, whose checksum holds, is one to hand over.
+    fn is_found(&mut self, start: u32) -> bool {
+        self.cells.at_mut(start).word.0 |= Word::INTACT;
+        if self.is_taken(start) {
+            return false;
+        }
+        let is_guarded = Self::GUARDS && self.kind_at(start).is_some_and(|kind| kind.is_guarded);
+        let is_claimed = is_guarded && self.read_on(start);
+        if is_claimed {
+            self.counters.claimed = self.counters.claimed.wrapping_add(1);
+        }
+        !is_claimed
+    }
+
+    /// Goes on as a reader that takes one frame after the other, up to `to`, where it is decided
+    /// what it takes. Whether `to` is inside of what a header before it claims. Headers that begin
+    /// before `to` have to be complete.
+    #[inline(never)]
+    fn read_on(&mut self, to: u32) -> bool {
+        loop {
+            let left = to.wrapping_sub(self.read_to).cast_signed();
+            if left <= 0 {
+                return left < 0;
+            }
+            match self.claim(self.read_to) {
+                Claim::None => self.read_to = self.read_to.wrapping_add(1),
+                Claim::Stands(length) => self.read_to = self.read_to.wrapping_add(length),
+                // It ends behind the last byte, and so behind `to`.
+                Claim::Open => return true,
+            }
+        }
+    }
+
+    #[inline]
+    fn claim(&self, start: u32) -> Claim {
+        let first = self.cells.at(start).word;
+        let at = |nth: u32| self.byte(start.wrapping_add(nth));
+        let (header_len, is_signed) = match first.byte() {
+            MAGIC_V1 => (HEADER_V1, false),
+            // Frames with other flags have to be dropped, and who knows what their length means.
+            MAGIC_V2 if at(2) & !SIGNED == 0 => (HEADER_V2, at(2) == SIGNED),
+            _ => return Claim::None,
+        };
+        let length = (header_len + CRC_LEN) as u32 + u32::from(at(1));
+        let signature_len = if is_signed { SIGNATURE_LEN as u32 } else { 0 };
+        if first.is_due(Word::INTACT) || self.kind_at(start).is_none() {
+            return Claim::Stands(length + signature_len);
+        }
+        let end = start.wrapping_add(length);
+        if end.wrapping_sub(self.position).cast_signed() > 0 {
+            Claim::Open
+        } else {
+            Claim::None
+        }
+    }
+
+    /// The kind of the complete header at `start`, if it is a wanted one with a length that it can
+    /// have.
+    fn kind_at(&self, start: u32) -> Option<&'static Kind> {
+        let at = |nth: u32| self.byte(start.wrapping_add(nth));
+        let (version, id) = match at(0) {
+            MAGIC_V1 => (Version::V1, at(5)),
+            _ if at(8) == 0 && at(9) == 0 => (Version::V2, at(7)),
+            _ => return None,
+        };
+        Self::kind(id).filter(|kind| kind.can_have(version, at(1)))
+    }
+
+    /// The wanted kind with that id.
+    #[inline]
+    fn kind(id: u8) -> Option<&'static Kind> {
+        let places = const { &Self::PLACES };
+        let place = places.get(usize::from(id))?;
+        W::KINDS.get(usize::from(*place))
     }
 
     /// The last byte is the id of what may be a MAVLink 1 header.
@@ -340,11 +555,7 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Framer<W, PAYLOAD, RING
     fn consider(&mut self, version: Version, header_len: usize, start: u32, id: u8) {
         let second = self.cells.at(start.wrapping_add(1)).word;
         let len = second.byte();
-        let places = const { &Self::PLACES };
-        let Some(kind) = places
-            .get(usize::from(id))
-            .and_then(|&place| W::KINDS.get(usize::from(place)))
-        else {
+        let Some(kind) = Self::kind(id) else {
             return;
         };
         if !kind.can_have(version, len) {
@@ -352,6 +563,11 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Framer<W, PAYLOAD, RING
         }
         if version == Version::V2 && self.byte(start.wrapping_add(2)) & !SIGNED != 0 {
             self.counters.unknown_flags = self.counters.unknown_flags.wrapping_add(1);
+            return;
+        }
+        if len > PAYLOAD as u8 {
+            let length = (header_len + CRC_LEN) as u16 + u16::from(len);
+            self.long_ones.push(Window { start, length }, self.position);
             return;
         }
         // The magic is not in the checksum. The sender's register after the payload and the
@@ -391,6 +607,10 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Framer<W, PAYLOAD, RING
     /// went on later than a stamp lasts would carry a wrong time.
     pub fn give_up(&mut self) {
         self.given_up_at = self.position;
+        self.read_to = self.position;
+        let long_ones = core::mem::replace(&mut self.long_ones, LongOnes::NONE);
+        self.long_ones.due = self.position.wrapping_sub(1);
+        self.counters.abandoned = self.counters.abandoned.wrapping_add(long_ones.count as u32);
         for ahead in 0..Self::MAX_LENGTH as u32 {
             let word = &mut self.cells.at_mut(self.position.wrapping_add(ahead)).word;
             if word.is_due(Word::END) {
@@ -404,11 +624,11 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize> Framer<W, PAYLOAD, RING
     /// Whether `start` lies in a frame that was found, or in its signature.
     const fn is_taken(&self, start: u32) -> bool {
         let ahead = self.free_from.wrapping_sub(start);
-        ahead != 0 && ahead <= (Self::MAX_LENGTH + SIGNATURE_LEN) as u32
+        ahead != 0 && ahead <= LONGEST as u32
     }
 
     /// The frame of `length` bytes that ends with the last byte.
-    pub fn take(&mut self, length: u8) -> Delimited<PAYLOAD> {
+    pub fn take(&mut self, length: u16) -> Delimited<PAYLOAD> {
         let after = self.position;
         let start = after.wrapping_sub(u32::from(length));
         let header = |nth: u32| self.byte(start.wrapping_add(nth));

@@ -1,7 +1,7 @@
 //! The kinds of frames that a framer looks for.
 //!
-//! *Design.* A kind is an id, its CRC_EXTRA and the lengths that its payload can have. A header
-//! that has the id but not the length is noise.
+//! *Design.* A kind is an id, its CRC_EXTRA and the least lengths that its payload can have. A header
+//! that has the id but a shorter payload is no frame of it.
 
 use mavlink::MessageData;
 
@@ -21,20 +21,22 @@ pub struct Kind {
     /// What CRC_EXTRA adds to the running checksum.
     pub(crate) extra: u16,
     /// [`Self::NEVER`] for a kind that is wanted in MAVLink 2 only.
-    v1_len: u8,
+    v1_len: u16,
     v2_min_len: u8,
-    v2_max_len: u8,
+    /// It is obeyed only outside of what an earlier header claims.
+    pub(crate) is_guarded: bool,
 }
 
 impl Kind {
-    /// Greater than the length of any payload here.
-    const NEVER: u8 = u8::MAX;
+    /// Greater than the length of any payload.
+    const NEVER: u16 = 1 << 8;
 
     /// The kind of message `M`.
     ///
     /// `v1_len` is the length of its payload in MAVLink 1, which is without extensions.
     /// `v2_min_len` is the shortest useful payload in MAVLink 2, where trailing zeros are left
-    /// out. Both in bytes.
+    /// out. Both in bytes. Longer payloads are those of a later definition; what is known of them is
+    /// their beginning.
     pub(crate) const fn of<M: MessageData>(v1_len: u8, v2_min_len: u8) -> Self {
         assert!(M::ENCODED_LEN < Self::NEVER as usize && M::ID <= u8::MAX as u32);
         assert!(MIN_PAYLOAD_V1 <= v1_len as usize && v1_len as usize <= M::ENCODED_LEN);
@@ -42,9 +44,9 @@ impl Kind {
         Self {
             id: M::ID as u8,
             extra: crc::step(0, M::EXTRA_CRC),
-            v1_len,
+            v1_len: v1_len as u16,
             v2_min_len,
-            v2_max_len: M::ENCODED_LEN as u8,
+            is_guarded: false,
         }
     }
 
@@ -56,15 +58,19 @@ impl Kind {
         }
     }
 
-    const fn is_in_v1(self) -> bool {
-        self.v1_len != Self::NEVER
+    /// The same kind, which changes something.
+    pub(crate) const fn guarded(self) -> Self {
+        Self {
+            is_guarded: true,
+            ..self
+        }
     }
 
     #[inline]
     pub(crate) const fn can_have(&self, version: Version, len: u8) -> bool {
         match version {
-            Version::V1 => len == self.v1_len,
-            Version::V2 => self.v2_min_len <= len && len <= self.v2_max_len,
+            Version::V1 => len as u16 >= self.v1_len,
+            Version::V2 => len >= self.v2_min_len,
         }
     }
 }
@@ -81,25 +87,31 @@ pub trait Wanted {
     clippy::indexing_slicing,
     reason = "made at compile time, where a panic is an error"
 )]
-pub(crate) const fn places(kinds: &[Kind], longest: usize) -> [u8; 256] {
+pub(crate) const fn places(kinds: &[Kind]) -> [u8; 256] {
     assert!(kinds.len() < 256);
     let mut places = [u8::MAX; 256];
     let mut place = 0;
     while place < kinds.len() {
-        let Kind { id, v2_max_len, .. } = kinds[place];
-        assert!(places[id as usize] == u8::MAX && v2_max_len as usize <= longest);
-        places[id as usize] = place as u8;
-        let mut other = 0;
-        while other < kinds.len() {
-            // See the framer's *Cost*.
-            assert!(
-                !kinds[place].is_in_v1()
-                    || kinds[place].v1_len != kinds[other].id
-                    || !kinds[other].is_in_v1()
-            );
-            other += 1;
-        }
+        let id = kinds[place].id as usize;
+        assert!(places[id] == u8::MAX);
+        places[id] = place as u8;
         place += 1;
     }
     places
+}
+
+/// Whether one of them is obeyed only outside of what an earlier header claims.
+#[expect(
+    clippy::indexing_slicing,
+    reason = "made at compile time, where a panic is an error"
+)]
+pub(crate) const fn any_is_guarded(kinds: &[Kind]) -> bool {
+    let mut place = 0;
+    while place < kinds.len() {
+        if kinds[place].is_guarded {
+            return true;
+        }
+        place += 1;
+    }
+    false
 }

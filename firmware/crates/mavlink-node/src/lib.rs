@@ -14,7 +14,7 @@
 //!
 //! *Limits.* One node a line. Signatures are not checked: the time is no secret, and signed
 //! requests are answered unsigned, as the C library does when it has no key. There are no missions
-//! and no files, there is one log, and no parameter can be set.
+//! and no files, which is said to who asks; there is one log, and no parameter can be set.
 //!
 //! ```
 //! use mavlink_node::client::{Client, GROUND_STATION, Message};
@@ -58,6 +58,7 @@ mod broadcast;
 pub mod client;
 mod command;
 mod crc;
+mod difference;
 mod frame;
 pub mod framer;
 mod kind;
@@ -69,9 +70,11 @@ mod ping;
 mod plotted;
 mod request;
 mod severity;
+mod told;
 mod wanted;
 
-pub use command::{Command, Refusal};
+pub use command::{Command, Order, Refusal};
+pub use difference::difference;
 pub use frame::{Address, Frame, Version};
 pub use kind::{Kind, Wanted};
 pub use log_transfer::{LOG_DATA_LEN, LogFile};
@@ -83,4 +86,5 @@ pub use request::{Request, RequestKind};
 pub use sample_log::Test;
 pub use severity::Severity;
 pub use timebase::Fix;
+pub use told::Described;
 pub use wanted::Requests;

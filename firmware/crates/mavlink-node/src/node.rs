@@ -16,21 +16,24 @@
 //! - A TIMESYNC is a request when `tc1` is 0 and it is for us or for all.
 //! - A command to us is obeyed or refused, see [`Command`].
 //!
+//! What changes something (commands, PARAM_SET, the transfer of the log and its erasing) is obeyed only
+//! outside of what an earlier header claims: [`framer`](crate::framer).
+//!
 //! *Limits.* Everything but PING and TIMESYNC must name our system: a command to system 0 (all) is
-//! not refused, because no single node is meant. PARAM_REQUEST_READ and PARAM_SET are received in
-//! MAVLink 2 only; [`framer`](crate::framer) has the reason.
+//! not refused, because no single node is meant. Who calls itself system 0 is nobody, and is not
+//! answered: an answer to 0 would be a request to all.
 
 use mavlink::MavlinkVersion::V2;
 use mavlink::MessageData;
 use mavlink::dialects::common::{
-    COMMAND_INT_DATA, COMMAND_LONG_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA,
-    LOG_REQUEST_LIST_DATA, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA,
-    TIMESYNC_DATA,
+    COMMAND_INT_DATA, COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA, LOG_REQUEST_DATA_DATA,
+    LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, MISSION_REQUEST_LIST_DATA,
+    PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, TIMESYNC_DATA,
 };
 use sample_log::Test;
 use timebase::{CORE_HZ, Cycles, StampedByte};
 
-use crate::command::Command;
+use crate::command::{Command, Order};
 use crate::frame::{Address, Frame, Sender, Version};
 use crate::framer::{Delimited, Framer, FramingCounters};
 use crate::log_transfer::{LOG_ID, LogFile, LogTransfer};
@@ -39,6 +42,7 @@ use crate::parameter::{Name, Parameter, Parameters, PendingParameters};
 use crate::ping::Ping;
 use crate::request::{Request, RequestKind};
 use crate::severity::Severity;
+use crate::told::{FailedParameter, FileAsked, MissionAsked, ParameterError, PendingTold};
 use crate::wanted::{Requests, target_at};
 
 /// How a node behaves.
@@ -87,12 +91,16 @@ pub struct Counters {
     pub parameters: u32,
     /// Requests about the log.
     pub logs: u32,
+    /// Requests for missions and files, of which there are none.
+    pub missing: u32,
     /// Those of the above that name a parameter or a log that is not there.
     pub unknown: u32,
     /// Answers to a PING or a TIMESYNC of any system: never answered.
     pub answers: u32,
     /// TIMESYNCs, commands and requests to another system or component.
     pub for_others: u32,
+    /// Frames of system 0: never answered.
+    pub from_nobody: u32,
     /// What the framer found.
     pub framing: FramingCounters,
 }
@@ -100,8 +108,12 @@ pub struct Counters {
 /// How much later than `now` a byte may be stamped, in cycles: 1 s.
 const AFTER_NOW: u64 = CORE_HZ as u64;
 
-/// The offset of the name in a PARAM_SET, in bytes.
-const PARAM_SET_NAME: usize = 6;
+/// The offsets of the names in PARAM_REQUEST_READ and PARAM_SET, in bytes.
+const READ_NAME: usize = 4;
+const SET_NAME: usize = 6;
+
+/// The offset of the type in a MISSION_REQUEST_LIST, in bytes.
+const MISSION_TYPE: usize = 2;
 
 /// A MAVLink endpoint on one line.
 #[derive(Debug)]
@@ -113,6 +125,7 @@ pub struct Node {
     pub(crate) version: Version,
     parameters: PendingParameters,
     log: LogTransfer,
+    told: PendingTold,
     counters: Counters,
 }
 
@@ -134,15 +147,18 @@ impl Node {
             version: Version::V1,
             parameters: PendingParameters::NONE,
             log: LogTransfer::NONE,
+            told: PendingTold::NONE,
             counters: Counters {
                 pings: 0,
                 timesyncs: 0,
                 commands: 0,
                 parameters: 0,
                 logs: 0,
+                missing: 0,
                 unknown: 0,
                 answers: 0,
                 for_others: 0,
+                from_nobody: 0,
                 framing: FramingCounters::ZERO,
             },
         }
@@ -186,8 +202,12 @@ impl Node {
     }
 
     #[inline(never)]
-    fn request(&mut self, length: u8, now: Cycles) -> Option<Request> {
+    fn request(&mut self, length: u16, now: Cycles) -> Option<Request> {
         let frame = self.framer.take(length);
+        if frame.from.system == 0 {
+            self.counters.from_nobody = self.counters.from_nobody.wrapping_add(1);
+            return None;
+        }
         if frame.version == Version::V2 {
             self.version = Version::V2;
         }
@@ -249,22 +269,38 @@ impl Node {
             PARAM_REQUEST_LIST_DATA::ID | PARAM_REQUEST_READ_DATA::ID | PARAM_SET_DATA::ID => {
                 &mut counters.parameters
             }
+            MISSION_REQUEST_LIST_DATA::ID | FILE_TRANSFER_PROTOCOL_DATA::ID => {
+                &mut counters.missing
+            }
             _ => &mut counters.logs,
         };
         *count = count.wrapping_add(1);
         match id {
             COMMAND_LONG_DATA::ID | COMMAND_INT_DATA::ID => {
                 let command = Command::parse(payload)?;
-                if command.meaning == Ok(Test::Begins) {
-                    self.log.end();
+                match command.meaning {
+                    Ok(Order::Test(Test::Begins)) => self.log.end(),
+                    Ok(Order::Describe(what)) => self.told.want(what, version),
+                    Ok(Order::Test(Test::Ends)) | Err(_) => {}
                 }
                 return Some(RequestKind::Command(command));
             }
             PARAM_REQUEST_LIST_DATA::ID => self.parameters.all(version),
-            PARAM_REQUEST_READ_DATA::ID | PARAM_SET_DATA::ID => match named(id, payload) {
-                Some(parameter) => self.parameters.one(version, parameter),
-                None => counters.unknown = counters.unknown.wrapping_add(1),
-            },
+            PARAM_REQUEST_READ_DATA::ID | PARAM_SET_DATA::ID => {
+                self.one_parameter(id, frame);
+            }
+            MISSION_REQUEST_LIST_DATA::ID => {
+                self.told.mission = Some(MissionAsked {
+                    to: frame.from,
+                    version,
+                    mission_type: payload.get(MISSION_TYPE).copied().unwrap_or(0),
+                });
+            }
+            FILE_TRANSFER_PROTOCOL_DATA::ID => {
+                if let Some(asked) = FileAsked::parse(frame.from, payload) {
+                    self.told.file = Some(asked);
+                }
+            }
             LOG_REQUEST_LIST_DATA::ID => self.log.want_entry(version),
             LOG_REQUEST_DATA_DATA::ID => {
                 let request = LOG_REQUEST_DATA_DATA::deser(V2, payload).ok()?;
@@ -282,18 +318,55 @@ impl Node {
         None
     }
 
+    /// PARAM_REQUEST_READ or PARAM_SET.
+    fn one_parameter(&mut self, id: u32, frame: &Delimited) {
+        let payload = &frame.payload;
+        let is_set = id == PARAM_SET_DATA::ID;
+        let (index, name_at) = match payload.first_chunk() {
+            Some(index) if !is_set => (i16::from_le_bytes(*index), READ_NAME),
+            _ => (-1, SET_NAME),
+        };
+        let Some(name) = payload.get(name_at..).and_then(<[u8]>::first_chunk) else {
+            return;
+        };
+        let name = Name::new(*name);
+        let parameter = match usize::try_from(index) {
+            Ok(index) => Parameter::ALL.get(index).copied(),
+            Err(_) => Parameter::named(name),
+        };
+        let error = match parameter {
+            Some(parameter) => {
+                self.parameters.one(frame.version, parameter);
+                is_set.then_some(ParameterError::ReadOnly)
+            }
+            None => {
+                self.counters.unknown = self.counters.unknown.wrapping_add(1);
+                Some(ParameterError::DoesNotExist)
+            }
+        };
+        if let Some(error) = error {
+            self.told.parameter = Some(FailedParameter {
+                to: frame.from,
+                index,
+                name,
+                error,
+            });
+        }
+    }
+
     /// Whether [`Self::poll`] has something to send.
     #[must_use]
     pub const fn has_more(&self) -> bool {
-        !self.parameters.is_none() || !self.log.is_done()
+        !self.told.is_none() || !self.parameters.is_none() || !self.log.is_done()
     }
 
     /// The next frame of an answer that takes more than one. To be called when nothing more urgent
     /// waits for the line.
     #[inline(never)]
     pub fn poll(&mut self, board: &(impl Parameters + LogFile)) -> Option<Frame> {
-        self.parameters
-            .poll(&mut self.sender, board)
+        self.told
+            .poll(&mut self.sender)
+            .or_else(|| self.parameters.poll(&mut self.sender, board))
             .or_else(|| self.log.poll(&mut self.sender, board))
     }
 
@@ -323,18 +396,5 @@ impl Node {
             RequestKind::Command(command) => command.ack(&mut self.sender, version, from),
             RequestKind::EraseLog => self.statustext(Severity::Notice, "log erased"),
         }
-    }
-}
-
-/// The parameter that PARAM_REQUEST_READ or PARAM_SET names.
-fn named(id: u32, payload: &[u8]) -> Option<Parameter> {
-    if id == PARAM_SET_DATA::ID {
-        let name = payload.get(PARAM_SET_NAME..)?.first_chunk()?;
-        return Parameter::named(Name::new(*name));
-    }
-    let request = PARAM_REQUEST_READ_DATA::deser(V2, payload).ok()?;
-    match usize::try_from(request.param_index) {
-        Ok(index) => Parameter::ALL.get(index).copied(),
-        Err(_) => Parameter::named(Name::new(request.param_id.into())),
     }
 }

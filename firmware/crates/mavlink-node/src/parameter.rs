@@ -8,8 +8,8 @@
 //! ([`Node::poll`](crate::Node::poll)). All values are REAL32, which every client understands. Each
 //! of ours is a whole number below 2^24, which such a value holds exactly.
 //!
-//! *Limits.* PARAM_SET changes nothing. It is answered with the present value, which is how MAVLink
-//! refuses it.
+//! *Limits.* PARAM_SET changes nothing. It is answered with PARAM_ERROR, for clients that know it, and
+//! with the present value, which is how MAVLink refused it before.
 
 use core::fmt;
 
@@ -138,6 +138,10 @@ pub type Name = Text<16>;
 impl<const N: usize> Text<N> {
     pub(crate) const fn new(bytes: [u8; N]) -> Self {
         Self(bytes)
+    }
+
+    pub(crate) const fn bytes(&self) -> [u8; N] {
+        self.0
     }
 
     /// The text, up to the first byte that is not UTF-8.

@@ -37,8 +37,8 @@ pub enum RequestKind {
         /// The sender's time, in ns of its own clock; returned bit for bit.
         ts1: i64,
     },
-    /// COMMAND_LONG or COMMAND_INT: a test begins or ends, or the command is refused. The test has
-    /// to begin or end before this is answered.
+    /// COMMAND_LONG or COMMAND_INT: a test begins or ends, a message is asked for, or the command is
+    /// refused. The test has to begin or end before this is answered.
     Command(Command),
     /// LOG_ERASE: the log has to be cleared before this is answered.
     EraseLog,

@@ -2,9 +2,9 @@
 
 use mavlink::MessageData;
 use mavlink::dialects::common::{
-    COMMAND_INT_DATA, COMMAND_LONG_DATA, LOG_ERASE_DATA, LOG_REQUEST_DATA_DATA,
-    LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA,
-    PARAM_SET_DATA, TIMESYNC_DATA,
+    COMMAND_INT_DATA, COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA, LOG_ERASE_DATA,
+    LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, MISSION_REQUEST_LIST_DATA,
+    PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, TIMESYNC_DATA,
 };
 
 use crate::kind::{Kind, Wanted};
@@ -18,17 +18,19 @@ impl Wanted for Requests {
     const KINDS: &'static [Kind] = &[
         Ping::KIND,
         Kind::of::<TIMESYNC_DATA>(16, 1),
-        targeted::<COMMAND_LONG_DATA>(),
-        targeted::<COMMAND_INT_DATA>(),
+        targeted::<COMMAND_LONG_DATA>().guarded(),
+        targeted::<COMMAND_INT_DATA>().guarded(),
+        targeted::<PARAM_REQUEST_READ_DATA>(),
         targeted::<PARAM_REQUEST_LIST_DATA>(),
+        targeted::<PARAM_SET_DATA>().guarded(),
         targeted::<LOG_REQUEST_LIST_DATA>(),
-        targeted::<LOG_REQUEST_DATA_DATA>(),
-        targeted::<LOG_ERASE_DATA>(),
-        targeted::<LOG_REQUEST_END_DATA>(),
-        // Their lengths in MAVLink 1 are also ids of parameter messages: see the
-        // framer's *Cost*.
-        targeted::<PARAM_REQUEST_READ_DATA>().not_in_v1(),
-        targeted::<PARAM_SET_DATA>().not_in_v1(),
+        targeted::<LOG_REQUEST_DATA_DATA>().guarded(),
+        targeted::<LOG_ERASE_DATA>().guarded(),
+        targeted::<LOG_REQUEST_END_DATA>().guarded(),
+        // Its type of mission is an extension.
+        Kind::of::<MISSION_REQUEST_LIST_DATA>(2, 1),
+        // In MAVLink 1 its payload would be longer than all answers.
+        Kind::of::<FILE_TRANSFER_PROTOCOL_DATA>(254, 2).not_in_v1(),
     ];
 }
 
@@ -45,7 +47,8 @@ pub(crate) const fn target_at(id: u32) -> usize {
         LOG_REQUEST_DATA_DATA::ID => 10,
         LOG_REQUEST_LIST_DATA::ID | PARAM_SET_DATA::ID => 4,
         PARAM_REQUEST_READ_DATA::ID => 2,
-        // PARAM_REQUEST_LIST, LOG_ERASE, LOG_REQUEST_END.
+        FILE_TRANSFER_PROTOCOL_DATA::ID => 1,
+        // PARAM_REQUEST_LIST, LOG_ERASE, LOG_REQUEST_END, MISSION_REQUEST_LIST.
         _ => 0,
     }
 }

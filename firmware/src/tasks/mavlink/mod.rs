@@ -24,7 +24,8 @@ use lookup::ThisBoard;
 
 /// With this many bytes or fewer in the outgoing ring, the next frame of a long answer may follow:
 /// they last 5.5 ms at 115200. 173 bytes at most wait then, of 1023. The rest has room for an answer
-/// to each request in a full incoming ring (19, of 26 bytes each) and for a second's broadcasts.
+/// to each request in a full incoming ring (19, of 26 bytes each) and for what is kept for a second's
+/// broadcasts.
 const NEXT_BELOW: usize = 64;
 
 /// From look to look at the outgoing ring, less than these bytes last.

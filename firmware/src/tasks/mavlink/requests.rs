@@ -1,6 +1,6 @@
 //! Requests are served, and the PINGs among them recorded.
 
-use mavlink_node::{Command, Node, Request, RequestKind};
+use mavlink_node::{Command, Node, Order, Request, RequestKind};
 use sample_log::{Kept, Sample, SampleLog};
 use utc_clock::Reading;
 
@@ -9,18 +9,23 @@ use crate::clock_events::{self, ClockEvent};
 use crate::drivers::uart::Writer;
 use crate::samples::SAMPLES;
 
+/// Bytes of the outgoing ring that are no answer's: HEARTBEAT and what else is sent each second takes
+/// 233 of them in MAVLink 2, and has its place under any number of requests.
+const KEPT: usize = 256;
+
 /// Does what is asked, and answers.
 #[inline(never)]
 pub fn serve(node: &mut Node, writer: &mut Writer, request: &Request) {
     let (time, reading) = clock::node_time_and_reading_at(request.arrival);
     match request.kind {
         RequestKind::Command(Command {
-            meaning: Ok(test), ..
+            meaning: Ok(Order::Test(test)),
+            ..
         }) => SAMPLES.handle_test(test),
         RequestKind::EraseLog => SAMPLES.with(SampleLog::clear),
         RequestKind::Command(_) | RequestKind::Ping { .. } | RequestKind::TimeSync { .. } => {}
     }
-    let is_answered = writer.send(&node.answer(request, time));
+    let is_answered = writer.send_leaving(&node.answer(request, time), KEPT);
     if let RequestKind::Ping { time_usec, seq } = request.kind
         && is_answered
     {

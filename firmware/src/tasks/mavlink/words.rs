@@ -3,7 +3,7 @@
 //! *Limits.* A STATUSTEXT holds 50 characters; the longest text here is shorter.
 
 use heapless::{String, Vec};
-use mavlink_node::Severity;
+use mavlink_node::{Severity, difference};
 use timebase::divide;
 
 use crate::clock_events::ClockEvent;
@@ -24,7 +24,10 @@ pub fn statustext(event: ClockEvent) -> (Severity, Text) {
         ClockEvent::Holdover => (Severity::Warning, "clock in holdover", None, ""),
         ClockEvent::SteeredAgain => (Severity::Notice, "clock steered again", None, ""),
         ClockEvent::Stepped { by_ns } => {
-            (Severity::Warning, "clock stepped by ", Some(by_ns), " ns")
+            // All of it fits.
+            let _ = text.push_str("clock stepped ");
+            let _ = text.push_str(difference(by_ns).as_str());
+            return (Severity::Warning, text);
         }
         ClockEvent::PulseFollowed => (Severity::Notice, "clock follows the pulse", None, ""),
         ClockEvent::PulseLost => (Severity::Warning, "clock lost the pulse", None, ""),

@@ -56,7 +56,7 @@ fn main() -> anyhow::Result<ExitCode> {
     rows.push(noise::worst(
         "any byte on the MAVLink line, beyond its interrupt",
         &mavlink_noise,
-        80.0,
+        100.0,
         "crate mavlink 1550, C library 70",
     ));
     rows.push(jobs::load(&firmware)?);

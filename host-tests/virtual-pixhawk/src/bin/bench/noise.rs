@@ -119,6 +119,23 @@ const MAVLINK_NOISE: &[(&str, &[u8])] = &[
         "MAVLink 1 frames of 14 and 35 bytes with one end",
         &[0xfe, 14, 75, 0xfe, 35, 4],
     ),
+    (
+        "PARAM_REQUEST_READ 1 headers, each second byte",
+        &[0xfe, 20],
+    ),
+    ("PARAM_SET 1 headers, each second byte", &[0xfe, 23]),
+    (
+        "MAVLink 1 frames of 21 and 23 bytes with one end, each second byte",
+        &[0xfe, 21, 0xfe, 23],
+    ),
+    (
+        "MAVLink 1 headers of longer frames than are known",
+        &[0xfe, 0xfe, 0xfe, 0xfe, 0xfe, 4, 4, 4, 4, 4],
+    ),
+    (
+        "MAVLink 1 headers of a kind that is not known",
+        &[0xfe, 0, 0, 0, 0, 30],
+    ),
     ("PING 2 headers", &[0xfd, 14, 0, 0, 0, 255, 190, 4, 0, 0]),
     (
         "PING 2 headers, two in ten bytes",

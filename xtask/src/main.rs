@@ -11,6 +11,7 @@ mod ci;
 mod compare;
 mod ctrl_c;
 mod deps;
+mod device_id;
 mod flash;
 mod image;
 mod integrity;
@@ -67,6 +68,8 @@ enum Verb {
     },
     /// Check who depends on whom: no forbidden dependency, no circle of files
     Deps,
+    /// What PX4's device ids mean, and the ids of what has a name
+    DeviceId(device_id::Options),
     /// Run the tests of the flashed image on the virtual board
     BoardTest {
         /// Handed to `cargo test`
@@ -102,6 +105,7 @@ fn run() -> Result<ExitCode> {
         Verb::Bench(options) => bench::run(&options),
         Verb::Size { json } => done(size::check(json)),
         Verb::Deps => done(deps::check()),
+        Verb::DeviceId(options) => Ok(device_id::run(&options)),
         Verb::BoardTest { arguments } => done(board_test::run(&arguments)),
         Verb::Pymavlink => done(pymavlink::run()),
         Verb::Ci => done(ci::run_all()),

@@ -2,10 +2,11 @@
 //!
 //! | queue | filled by | drained by | when full |
 //! |---|---|---|---|
-//! | events, 8 | the GNSS task at sets, steps and what [`ClockNews`](crate::clock_news::ClockNews) sees; the MAVLink task and thread level with what becomes of a log | the MAVLink task, each second | the newest is dropped |
+//! | events, 8 | the GNSS task at sets, steps, what the receiver refuses and what [`ClockNews`](crate::clock_news::ClockNews) sees; the MAVLink task and thread level with what becomes of a log | the MAVLink task, each second | the newest is dropped |
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
+use ubx_link::Setting;
 
 use crate::not_saved::NotSaved;
 
@@ -35,6 +36,8 @@ pub enum ClockEvent {
     PulseFollowed,
     /// The pulse does not steer the clock any more.
     PulseLost,
+    /// The receiver does not take a setting.
+    Refused(Setting),
     /// The log of a test has no more room.
     LogFull,
     /// The log of a test is on the card.

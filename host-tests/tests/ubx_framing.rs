@@ -4,7 +4,7 @@
 use proptest::collection::vec;
 use proptest::prelude::*;
 use timebase::Cycles;
-use ubx_link::{Event, Link, LinkCounters};
+use ubx_link::{Event, Link, LinkCounters, Unwanted};
 use world::ubx::{self, Claims};
 
 mod ubx_line;
@@ -30,6 +30,7 @@ fn fragment() -> impl Strategy<Value = Vec<u8>> {
         vec(any::<u8>(), 92).prop_map(|payload| ubx::frame(0x01, 0x07, &payload)),
         (any::<u8>(), 0..2_u8).prop_map(|(id, yes)| ubx::frame(0x05, yes, &[6, id])),
         vec(any::<u8>(), 16).prop_map(|payload| ubx::frame(0x0d, 0x01, &payload)),
+        vec(any::<u8>(), 24).prop_map(|payload| ubx::frame(0x01, 0x26, &payload)),
         vec(any::<u8>(), 0..120).prop_map(|payload| ubx::frame(0x0d, 0x01, &payload)),
     ];
     // Good frames inside the payload of a frame whose checksum fails or holds.
@@ -60,6 +61,9 @@ fn fragment() -> impl Strategy<Value = Vec<u8>> {
         }),
         2 => (1..=6_usize, 1..20_usize).prop_map(|(length, times)| {
             [0xb5, 0x62, 0x0d, 0x01, 0x10, 0x00][..length].repeat(times)
+        }),
+        2 => (1..=6_usize, 1..20_usize).prop_map(|(length, times)| {
+            [0xb5, 0x62, 0x01, 0x26, 0x18, 0x00][..length].repeat(times)
         }),
         2 => (1..=6_usize, 1..20_usize).prop_map(|(length, times)| {
             [0xb5, 0x62, 0x05, 0x01, 0x02, 0x00][..length].repeat(times)
@@ -173,6 +177,7 @@ fn headers_without_end_hold_nothing_up() {
     for header in [
         b"\xb5\x62\x01\x07\x5c\x00",
         b"\xb5\x62\x0d\x01\x10\x00",
+        b"\xb5\x62\x01\x26\x18\x00",
         b"\xb5\x62\x05\x01\x02\x00",
     ] {
         let counters = harmless(&header.repeat(500));
@@ -204,14 +209,101 @@ fn a_forecast_is_late_by_what_the_receiver_will_have_added() {
 }
 
 #[test]
-fn a_forecast_that_says_nothing_is_no_event() {
+fn a_forecast_without_an_error_still_names_its_second() {
+    // As in a cold start: the base is UTC, which is available, and qErr is invalid.
     let mut payload = ubx::tim_tp_payload(1_795_348_800_000_000_000, 10_417);
-    payload[14] |= 0x10;
-    let mut link = Link::new();
+    payload[14] = 0x1b;
     let bytes = ubx::frame(0x0d, 0x01, &payload);
-    assert_eq!(ubx_line::receive(&mut link, &bytes, &[24]), []);
-    let counters = link.counters();
-    assert_eq!((counters.tim_tps, counters.refused), (0, 1));
+    let events = ubx_line::receive(&mut Link::new(), &bytes, &[24]);
+    assert_eq!(events, ubx_line::expected(&bytes));
+    let [Event::TimTp(forecast)] = events[..] else {
+        panic!("{events:?}")
+    };
+    assert_eq!(forecast.late_ps, None);
+    assert!(forecast.is_utc_base && forecast.is_utc_available);
+    // 2026-11-22 is a Sunday, the first day of the week.
+    assert_eq!(forecast.tow_ms, 43_200_000);
+}
+
+/// For how long the line had been busy, in µs.
+fn busy_us(event: &Event) -> u32 {
+    match event {
+        Event::NavPvt { mark, .. } => mark.busy_us,
+        Event::TimTp(forecast) => forecast.busy_us,
+        Event::LeapSeconds(told) => told.busy_us,
+        Event::Ack { .. } | Event::Nak { .. } => panic!("{event:?}"),
+    }
+}
+
+#[test]
+fn with_each_message_comes_for_how_long_the_line_had_been_busy() {
+    let forecast = ubx::frame(0x0d, 0x01, &ubx::tim_tp_payload(0, 0));
+    let leap_seconds = ubx::frame(0x01, 0x26, &[0; 24]);
+    let noise = vec![0x5a; 1_000];
+    // Each after a pause of so many byte times beside its own.
+    let stretches = [
+        (0, vec![nav_pvt(0)]),
+        (3, vec![nav_pvt(1), forecast.clone()]),
+        (2, vec![nav_pvt(2)]),
+        (3, vec![noise.clone(), leap_seconds, nav_pvt(3)]),
+        (100_000, vec![nav_pvt(4)]),
+    ];
+    let byte_us = ubx_line::BYTE as f64 / 168.0;
+    for cut in [1, 57, 400] {
+        let mut link = Link::new();
+        let mut at = Cycles(5_000_000_000);
+        let mut busy = Vec::new();
+        for (pause, frames) in &stretches {
+            at = at.plus(pause * ubx_line::BYTE);
+            let mut line = Vec::new();
+            for byte in frames.concat() {
+                at = at.plus(ubx_line::BYTE);
+                line.push(timebase::StampedByte {
+                    stamp: at.stamp(),
+                    byte,
+                });
+            }
+            for piece in line.chunks(cut) {
+                let now = piece[piece.len() - 1].stamp.extend(at);
+                busy.extend(ubx_line::drain(&mut link, now, piece).iter().map(busy_us));
+            }
+        }
+        let bytes = |count: usize| (count as f64 * byte_us) as u32;
+        let expected = [
+            // Nobody had seen it idle.
+            u32::MAX,
+            0,
+            bytes(100),
+            // Two byte times are no gap: 124 bytes, and the pause.
+            bytes(124 + 2),
+            bytes(1_000),
+            bytes(1_032),
+            0,
+        ];
+        assert_eq!(busy, expected, "in pieces of {cut}");
+    }
+}
+
+#[test]
+fn a_message_that_is_not_used_is_named() {
+    let rawx = ubx::frame(0x02, 0x15, &[0; 16]);
+    let rmc = b"$GNRMC,120000.00,V,,,,,,,221126,,,N*66\r\n".to_vec();
+    let ubx = Unwanted::Ubx {
+        class: 0x02,
+        id: 0x15,
+    };
+    for (bytes, expected) in [
+        (nav_pvt(0), None),
+        (rawx, Some(ubx)),
+        (rmc, Some(Unwanted::Nmea)),
+        // Dollars alone are in any data.
+        (b"$$G$GN,$GNrmc,$GNRM\x00".to_vec(), None),
+    ] {
+        let mut link = Link::new();
+        ubx_line::receive(&mut link, &bytes, &[200]);
+        assert_eq!(link.poll_unwanted(), expected);
+        assert_eq!(link.poll_unwanted(), None);
+    }
 }
 
 #[test]

@@ -6,7 +6,8 @@
 //! with pyubx2 1.4.0 on every file, the damaged ones included.
 
 use host_tests::captures;
-use ubx_link::{Event, Link};
+use timebase::TimeMark;
+use ubx_link::{Event, Fix, Link};
 
 mod ubx_line;
 
@@ -60,9 +61,9 @@ fn every_intact_frame_comes_out() {
             );
             let total = ubx_line::accounted(&counters);
             assert_eq!(total, bytes.len() as u32, "{file}");
-            // One receiver sends TIM-TP, with a flag in each that its qErr has no value.
-            let unknown = if file == COLD_START { 38 } else { 0 };
-            assert_eq!((counters.tim_tps, counters.refused), (0, unknown), "{file}");
+            // One receiver sends TIM-TP.
+            let tim_tps = if file == COLD_START { 38 } else { 0 };
+            assert_eq!((counters.tim_tps, counters.refused), (tim_tps, 0), "{file}");
         }
     }
 }
@@ -74,18 +75,27 @@ fn a_cold_start_is_reported_as_it_was() {
     };
     let bytes = std::fs::read(folder.join(COLD_START)).expect(COLD_START);
     let events = ubx_line::receive(&mut Link::new(), &bytes, &[64]);
-    let resolved: Vec<bool> = events
-        .iter()
-        .map(|event| match event {
-            Event::NavPvt { mark, .. } => mark.validity.fully_resolved,
-            _ => panic!("only NAV-PVT stands in it"),
-        })
-        .collect();
-    assert_eq!(resolved.iter().position(|resolved| *resolved), Some(50));
-    for event in &events[30..50] {
-        let Event::NavPvt { mark, fix } = event else {
-            panic!("only NAV-PVT stands in it")
-        };
+    let mut solutions = Vec::new();
+    for event in events {
+        match event {
+            Event::NavPvt { mark, fix } => solutions.push((mark, fix)),
+            // Each with a flag that its qErr has no value, and a second of UTC all the same.
+            Event::TimTp(forecast) => assert_eq!(
+                (forecast.late_ps, forecast.is_utc_base, forecast.week),
+                (None, true, 2_363)
+            ),
+            // The source is a configuration that nobody made, and its own flag does not confirm
+            // the count, before the sky has told it: Galileo.
+            Event::LeapSeconds(told) if solutions.len() < 51 => {
+                assert_eq!((told.source, told.count), (7, None));
+            }
+            Event::LeapSeconds(told) => assert_eq!((told.source, told.count), (5, Some(18))),
+            Event::Ack { .. } | Event::Nak { .. } => panic!("{event:?} stands in it"),
+        }
+    }
+    let resolved = |(mark, _): &(TimeMark, Fix)| mark.validity.fully_resolved;
+    assert_eq!(solutions.iter().position(resolved), Some(50));
+    for (mark, fix) in &solutions[30..50] {
         // A 3D fix, and a time that must not be believed.
         assert_eq!((fix.fix_type, mark.t_acc_ns), (3, u32::MAX));
         assert!(mark.validity.date && mark.validity.time);

@@ -2,8 +2,13 @@
 //! configured, found again after a restart; bounded in all that it sends.
 
 use timebase::{CORE_HZ, Cycles};
-use ubx_link::{Action, BAUD, BAUDS, Event, Link, Session, SessionCounters, Setting};
-use world::{Latency, Port, Receiver, ReceiverSettings, Recording, Talker, WorldNanos, ubx};
+use ubx_link::{
+    Action, BAUD, BAUDS, Event, Link, PULSE_WIDTH_US, Session, SessionCounters, Setting, Unwanted,
+};
+use world::{
+    Latency, LeapKnowledge, LeftOn, Port, Receiver, ReceiverSettings, Recording, Talker,
+    WorldNanos, ubx,
+};
 
 const NOON_NS: i64 = 1_795_348_800_000_000_000;
 const SECOND: u64 = 1_000_000_000;
@@ -24,6 +29,11 @@ struct Board {
     tuned: Vec<(WorldNanos, u32)>,
     /// When each NAV-PVT came out.
     marks: Vec<WorldNanos>,
+    /// How long each may have waited, in µs, as far as is proved, and how long it has.
+    waits_us: Vec<(u32, u64)>,
+    /// When each NAV-TIMELS came out, and its count.
+    leap_seconds: Vec<(WorldNanos, Option<i8>)>,
+    refusals: Vec<Setting>,
     sent_bytes: usize,
 }
 
@@ -35,12 +45,15 @@ impl Board {
     fn at(baud: u32) -> Self {
         Self {
             session: Session::at(baud),
-            link: Link::new(),
+            link: Link::at(baud),
             baud,
             now: WorldNanos(0),
             leaving: None,
             tuned: Vec::new(),
             marks: Vec::new(),
+            waits_us: Vec::new(),
+            leap_seconds: Vec::new(),
+            refusals: Vec::new(),
             sent_bytes: 0,
         }
     }
@@ -52,6 +65,7 @@ impl Board {
                 Action::SetBaud(baud) => {
                     assert!(self.leaving.is_none(), "a rate is set while bytes leave");
                     self.baud = baud;
+                    self.link.handle_baud(baud);
                     self.tuned.push((self.now, baud));
                 }
                 Action::Transmit(bytes) => {
@@ -63,6 +77,8 @@ impl Board {
                 }
             }
         }
+        self.refusals
+            .extend(core::iter::from_fn(|| self.session.poll_refusal()));
     }
 
     /// Lives together with `talker` until `end`.
@@ -89,13 +105,13 @@ impl Board {
             }
             while let Some(burst) = talker.poll(self.now) {
                 if burst.baud == self.baud {
-                    self.receive(&burst);
+                    self.receive(&burst, talker);
                 }
             }
         }
     }
 
-    fn receive(&mut self, burst: &world::Transmission) {
+    fn receive(&mut self, burst: &world::Transmission, talker: &dyn Talker) {
         // The burst is over before anything else happens: nothing here depends on
         // the order within it.
         let end = cycles(burst.end());
@@ -109,15 +125,32 @@ impl Board {
         for chunk in stamped.chunks(Link::ROOM) {
             self.link.push(chunk);
             let then = chunk.last().map_or(end, |byte| byte.stamp.extend(end));
-            while let Some(event) = self.link.poll(then) {
-                if let Event::NavPvt { .. } = event {
-                    self.marks.push(burst.end());
-                }
+            while let Some(mut event) = self.link.poll(then) {
                 self.session.handle_event(cycles(self.now), &event);
+                self.session.limit_wait(&mut event);
+                match event {
+                    Event::NavPvt { mark, .. } => {
+                        self.marks.push(burst.end());
+                        if let Some(sent) = talker.truth().last() {
+                            let late_ns = NOON_NS + sent.first_byte.0.cast_signed();
+                            let waited_ns = (late_ns - sent.epoch_utc_ns).unsigned_abs();
+                            let waited_us = waited_ns.saturating_sub(LATENCY_NS) / 1_000;
+                            self.waits_us.push((mark.busy_us, waited_us));
+                        }
+                    }
+                    Event::LeapSeconds(told) => self.leap_seconds.push((burst.end(), told.count)),
+                    _ => {}
+                }
+            }
+            if let Some(what) = self.link.poll_unwanted() {
+                self.session.handle_unwanted(cycles(self.now), what);
             }
         }
     }
 }
+
+/// Of every receiver here.
+const LATENCY_NS: u64 = 70_000_000;
 
 fn factory(baud: u32) -> ReceiverSettings {
     ReceiverSettings {
@@ -125,7 +158,8 @@ fn factory(baud: u32) -> ReceiverSettings {
             baud,
             ..Port::FACTORY
         },
-        latency: Latency::constant(70_000_000),
+        latency: Latency::constant(LATENCY_NS),
+        crystal_ppb: 0,
         ..ReceiverSettings::new(NOON_NS)
     }
 }
@@ -317,6 +351,7 @@ fn a_refusal_is_counted_and_the_session_goes_on() {
     let mut session = Session::new();
     let mut now = Cycles::BOOT;
     let mut seen = Vec::new();
+    let mut reported = Vec::new();
     while !session.is_done() {
         while let Some(action) = session.poll(now) {
             let Action::Transmit(bytes) = action else {
@@ -332,24 +367,316 @@ fn a_refusal_is_counted_and_the_session_goes_on() {
                 session.handle_event(now, &Event::Nak { class, id: 0x3e });
                 assert_eq!(session.poll(now), None);
                 session.handle_event(now, &Event::Nak { class, id });
+                reported.extend(session.poll_refusal());
             }
             _ => now = session.poll_timeout().expect("the receiver settles"),
         }
     }
-    let order = [
-        Setting::Port,
+    let refused = [
         Setting::Rate,
         Setting::Message,
         Setting::Navigation,
         Setting::Pulse,
         Setting::Forecasts { on: false },
     ];
-    assert_eq!(seen, order.map(Setting::message));
-    assert_eq!(session.counters().refused, 5);
+    // Each is asked for three times, then it is named.
+    let thrice = refused.iter().flat_map(|setting| [*setting; 3]);
+    let order: Vec<_> = [Setting::Port].into_iter().chain(thrice).collect();
+    let messages: Vec<_> = order.into_iter().map(Setting::message).collect();
+    assert_eq!(seen, messages);
+    assert_eq!(reported, refused);
+    assert_eq!(session.counters().refused, 15);
+    assert_eq!(session.pulse_width_us(), None);
     // What was refused is not asked for again, but for another wish.
     assert_eq!(session.poll(now), None);
     session.handle_forecasts_wanted(true);
     assert!(matches!(session.poll(now), Some(Action::Transmit(_))));
+}
+
+/// A receiver at our rate with RXM-RAWX in its flash: at our 5 Hz its line is full.
+fn with_raw_data() -> ReceiverSettings {
+    ReceiverSettings {
+        port: Port {
+            nmea: true,
+            ..Port::CONFIGURED
+        },
+        left_on: vec![
+            LeftOn::RAWX,
+            LeftOn {
+                message: (0x01, 0x35),
+                payload_len: 200,
+                every: 1,
+            },
+            LeftOn {
+                message: (0x0a, 0x09),
+                payload_len: 60,
+                every: 5,
+            },
+        ],
+        queue_ns: 2_500_000_000,
+        ..factory(BAUD)
+    }
+}
+
+#[test]
+fn what_a_receiver_has_in_its_flash_is_switched_off_as_it_is_heard() {
+    let mut receiver = Receiver::new(with_raw_data());
+    // Its line is full before it is asked for anything.
+    let mut before = Board::new();
+    while before.now < WorldNanos(20 * SECOND) {
+        let Some(at) = receiver.next_event() else {
+            break;
+        };
+        before.now = at;
+        receiver.poll(at);
+    }
+    assert_eq!(receiver.left_on().count(), 3);
+    let mut board = Board::new();
+    board.now = before.now;
+    board.run(&mut receiver, WorldNanos(40 * SECOND));
+    assert_eq!(receiver.left_on().count(), 0);
+    assert_eq!(receiver.port(), Port::CONFIGURED);
+    assert_eq!(board.refusals, []);
+    // From then on each solution comes at once.
+    let busy: Vec<_> = board.waits_us.iter().rev().take(50).collect();
+    assert!(busy.iter().all(|wait| **wait == (0, 0)), "{busy:?}");
+    let sent = board.sent_bytes;
+    board.run(&mut receiver, WorldNanos(600 * SECOND));
+    assert_eq!(board.sent_bytes, sent, "nothing more is asked for");
+}
+
+#[test]
+fn what_is_not_switched_off_is_named_and_left_alone() {
+    let rawx = Setting::Off {
+        class: 0x02,
+        id: 0x15,
+    };
+    let refusing = ReceiverSettings {
+        refuses: vec![(0x02, 0x15), (0x06, 0x31)],
+        ..with_raw_data()
+    };
+    let mut board = Board::new();
+    let mut receiver = Receiver::new(refusing);
+    board.run(&mut receiver, WorldNanos(60 * SECOND));
+    assert_eq!(receiver.left_on().count(), 1);
+    board.refusals.sort_by_key(|setting| setting.subject());
+    assert_eq!(board.refusals, [rawx, Setting::Pulse]);
+    assert_eq!(
+        (rawx.name(), Setting::Pulse.name()),
+        ("RXM-RAWX off", "CFG-TP5")
+    );
+    assert_eq!(board.session.pulse_width_us(), None);
+    let sent = board.sent_bytes;
+    board.run(&mut receiver, WorldNanos(600 * SECOND));
+    assert_eq!(board.sent_bytes, sent, "it is not asked again");
+}
+
+/// A receiver that acknowledges everything and goes on with what it likes.
+#[test]
+fn what_goes_on_although_it_was_switched_off_is_named_once() {
+    let mut session = Session::new();
+    let what = Unwanted::Ubx {
+        class: 0x0a,
+        id: 0x09,
+    };
+    let off = Setting::Off {
+        class: 0x0a,
+        id: 0x09,
+    };
+    let mut asked = Vec::new();
+    let mut named = Vec::new();
+    for tenth in 0..1_200_u64 {
+        let now = Cycles::from_micros(tenth * 100_000);
+        session.handle_unwanted(now, what);
+        session.handle_event(now, &Event::Ack { class: 0, id: 0 });
+        while let Some(action) = session.poll(now) {
+            let Action::Transmit(bytes) = action else {
+                panic!("no rate is tried: {action:?}")
+            };
+            let (class, id) = (bytes[2], bytes[3]);
+            if bytes[6..9] == [0x0a, 0x09, 0] {
+                asked.push(tenth / 10);
+            }
+            session.handle_sent(now);
+            session.handle_event(now, &Event::Ack { class, id });
+        }
+        named.extend(session.poll_refusal());
+    }
+    assert_eq!(asked.len(), 3, "{asked:?}");
+    assert!(asked.windows(2).all(|pair| pair[1] - pair[0] >= 10));
+    assert_eq!(named, [off]);
+}
+
+#[test]
+fn noise_makes_no_more_requests_than_its_names() {
+    // Each kind is heard twice, and refused.
+    let mut session = Session::new();
+    let mut requests = 0;
+    for ms in 0..60_000_u64 {
+        let now = Cycles::from_micros(ms * 1_000);
+        let kind = (ms / 2).to_le_bytes();
+        let what = Unwanted::Ubx {
+            class: 0x0a | kind[1] << 4,
+            id: kind[0],
+        };
+        session.handle_unwanted(now, what);
+        session.handle_event(now, &Event::Ack { class: 0, id: 0 });
+        while let Some(Action::Transmit(bytes)) = session.poll(now) {
+            let is_request = bytes[2..4] == [6, 1] && ![0x01, 0x0d].contains(&bytes[6]);
+            requests += u32::from(is_request);
+            let (class, id) = (bytes[2], bytes[3]);
+            session.handle_sent(now);
+            session.handle_event(now, &Event::Nak { class, id });
+        }
+    }
+    // Eight kinds, thrice each.
+    assert!((1..=8 * 3).contains(&requests), "{requests}");
+}
+
+#[test]
+fn no_width_is_the_receivers_before_it_has_said_so() {
+    let settings = factory(9_600);
+    let mut receiver = Receiver::new(settings.clone());
+    let widths = |receiver: &Receiver, from_s: usize| -> Vec<u64> {
+        let pulses = receiver.pulses().skip(from_s).take(5);
+        pulses.map(|pulse| pulse.end.0 - pulse.edge.0).collect()
+    };
+    assert_eq!(widths(&receiver, 0), [100_000_000; 5]);
+    let mut board = Board::new();
+    assert_eq!(board.session.pulse_width_us(), None);
+    board.run(&mut receiver, WorldNanos(10 * SECOND));
+    assert_eq!(board.session.pulse_width_us(), Some(PULSE_WIDTH_US));
+    assert_eq!(
+        widths(&receiver, 10),
+        [u64::from(PULSE_WIDTH_US) * 1_000; 5]
+    );
+    // A receiver that falls silent may be another one when it comes back.
+    let mut restarted = Receiver::new(settings);
+    while board.session.counters().rounds < 2 {
+        let end = board.now.plus(SECOND / 10);
+        board.run(&mut NoReceiver, end);
+    }
+    assert_eq!(board.session.pulse_width_us(), None);
+    board.run(&mut restarted, WorldNanos(30 * SECOND));
+    assert_eq!(board.session.pulse_width_us(), Some(PULSE_WIDTH_US));
+}
+
+#[test]
+fn a_late_acknowledgement_of_the_pulse_is_one() {
+    let mut session = Session::new();
+    let mut now = Cycles::BOOT;
+    session.handle_event(now, &Event::Ack { class: 0, id: 0 });
+    for _ in 0..100 {
+        while session.poll(now).is_some() {
+            session.handle_sent(now);
+        }
+        session.handle_event(now, &Event::Ack { class: 0, id: 0 });
+        now = now.plus(u64::from(CORE_HZ) / 10);
+    }
+    assert!(session.is_done());
+    assert_eq!(session.pulse_width_us(), None);
+    let (class, id) = Setting::Pulse.message();
+    session.handle_event(now, &Event::Ack { class, id });
+    assert_eq!(session.pulse_width_us(), Some(PULSE_WIDTH_US));
+}
+
+#[test]
+fn leap_seconds_come_when_they_are_wanted_and_tell_when_they_are_known() {
+    let mut receiver = Receiver::new(ReceiverSettings {
+        leap: LeapKnowledge {
+            built_with: 16,
+            resolved_ns: 25 * SECOND,
+        },
+        ..factory(9_600)
+    });
+    let mut board = Board::new();
+    board.run(&mut receiver, WorldNanos(5 * SECOND));
+    assert_eq!(board.leap_seconds, []);
+    for second in 0..6_u64 {
+        board.session.handle_leap_seconds_wanted();
+        board.run(&mut receiver, WorldNanos((15 + 10 * second) * SECOND));
+    }
+    let counts: Vec<_> = board.leap_seconds.iter().map(|(_, count)| *count).collect();
+    let known = Some(18);
+    assert_eq!(counts, [None, None, known, known, known, known]);
+}
+
+#[test]
+fn an_answer_bounds_what_waits_behind_it_on_a_line_that_is_full() {
+    // Raw data that is not switched off, and a queue that is full most of the time.
+    for (queue_ns, most_us) in [(300_000_000, 500_000), (2_500_000_000, 2_900_000)] {
+        let mut receiver = Receiver::new(ReceiverSettings {
+            refuses: vec![(0x02, 0x15)],
+            queue_ns,
+            ..with_raw_data()
+        });
+        let mut board = Board::new();
+        let mut bounds_us = Vec::new();
+        for tens in 1..20_u64 {
+            board.session.handle_leap_seconds_wanted();
+            let heard = board.waits_us.len();
+            board.run(&mut receiver, WorldNanos((tens * 10 + 10) * SECOND));
+            let waits = &board.waits_us[heard..];
+            // It never waited longer than is proved.
+            for (bound_us, waited_us) in waits {
+                assert!(u64::from(*bound_us) >= *waited_us, "{bound_us} {waited_us}");
+            }
+            bounds_us.push(waits.iter().map(|(bound_us, _)| *bound_us).min().unwrap());
+        }
+        println!("{bounds_us:?}");
+        // Once it has been full for a while, and no NAV-TIMELS has come by itself.
+        assert!(
+            bounds_us[3..].iter().all(|us| *us < most_us),
+            "{bounds_us:?}"
+        );
+    }
+}
+
+#[test]
+fn a_receiver_that_tells_leap_seconds_by_itself_proves_nothing_until_it_is_quiet() {
+    let mut session = Session::new();
+    let told = |now: Cycles| {
+        Event::LeapSeconds(timebase::LeapSeconds {
+            arrival: now,
+            busy_us: u32::MAX,
+            source: 2,
+            count: Some(18),
+            event: None,
+        })
+    };
+    let mut bounds = Vec::new();
+    let mut is_off = false;
+    for tenth in 0..600_u64 {
+        let now = Cycles::from_micros(tenth * 100_000);
+        session.handle_event(now, &Event::Ack { class: 0, id: 0 });
+        let mut polled = false;
+        if tenth % 50 == 0 {
+            session.handle_leap_seconds_wanted();
+        }
+        while let Some(Action::Transmit(bytes)) = session.poll(now) {
+            let (class, id) = (bytes[2], bytes[3]);
+            polled |= (class, id) == (0x01, 0x26);
+            is_off |= bytes.get(6..9) == Some(&[0x01, 0x26, 0]);
+            session.handle_sent(now);
+            if class == 0x06 {
+                session.handle_event(now, &Event::Ack { class, id });
+            }
+        }
+        if polled || (!is_off && tenth % 10 == 0) {
+            let mut event = told(now);
+            session.handle_event(now, &event);
+            session.limit_wait(&mut event);
+            let Event::LeapSeconds(told) = event else {
+                unreachable!()
+            };
+            bounds.push((tenth, told.busy_us));
+        }
+    }
+    assert!(is_off);
+    let proved = bounds.iter().filter(|(_, busy_us)| *busy_us < u32::MAX);
+    let first = proved.clone().map(|(tenth, _)| *tenth).next();
+    assert!(first.is_some_and(|tenth| tenth >= 100), "{bounds:?}");
+    assert!(proved.count() >= 3, "{bounds:?}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! The receiver's configuration: between the session that knows what to send and the line.
 
 use timebase::{CORE_HZ, Cycles};
-use ubx_link::{Action, Event, Session, SessionCounters};
+use ubx_link::{Action, Event, Session, SessionCounters, Setting, Unwanted};
 
 use crate::drivers::uart::Writer;
 use crate::settings;
@@ -25,10 +25,35 @@ impl Configuration {
         }
     }
 
-    /// Takes a message of the receiver.
+    /// Takes a message of the receiver, and lowers how long it may have waited to what is proved.
     #[inline]
-    pub fn handle_event(&mut self, now: Cycles, event: &Event) {
+    pub fn handle_event(&mut self, now: Cycles, event: &mut Event) {
         self.session.handle_event(now, event);
+        self.session.limit_wait(event);
+    }
+
+    /// Takes a message that is not used. Before [`Self::drive`].
+    #[inline]
+    pub fn handle_unwanted(&mut self, now: Cycles, what: Unwanted) {
+        self.session.handle_unwanted(now, what);
+    }
+
+    /// NAV-TIMELS is wanted once. Before [`Self::drive`].
+    #[inline]
+    pub const fn handle_leap_seconds_wanted(&mut self) {
+        self.session.handle_leap_seconds_wanted();
+    }
+
+    /// The width of the pulse, in µs, once the receiver has acknowledged it.
+    #[inline]
+    pub const fn pulse_width_us(&self) -> Option<u32> {
+        self.session.pulse_width_us()
+    }
+
+    /// The next setting that the receiver does not take.
+    #[inline]
+    pub const fn poll_refusal(&mut self) -> Option<Setting> {
+        self.session.poll_refusal()
     }
 
     /// Sets whether the receiver is to forecast its pulse. Before [`Self::drive`].
@@ -37,22 +62,27 @@ impl Configuration {
         self.session.handle_forecasts_wanted(wanted);
     }
 
-    /// Does what the session asks for.
+    /// Does what the session asks for. The new rate of the line, in baud, if it changes.
     #[inline]
-    pub fn drive(&mut self, writer: &mut Writer, now: Cycles) {
+    pub fn drive(&mut self, writer: &mut Writer, now: Cycles) -> Option<u32> {
+        let mut new_baud = None;
         if self.is_sending && writer.is_idle() {
             self.is_sending = false;
             self.session.handle_sent(now);
         }
         while let Some(action) = self.session.poll(now) {
             match action {
-                Action::SetBaud(baud) => writer.set_baud(baud),
+                Action::SetBaud(baud) => {
+                    writer.set_baud(baud);
+                    new_baud = Some(baud);
+                }
                 Action::Transmit(frame) => {
                     writer.send(frame);
                     self.is_sending = true;
                 }
             }
         }
+        new_baud
     }
 
     /// When to call [`Self::drive`] again if no byte comes.

@@ -16,12 +16,6 @@ use crate::drivers::uart::{Reader, Writer};
 use crate::reports::{GNSS, GnssReport};
 use crate::{image_words, settings};
 
-/// GPS less UTC since 2017.
-const LEAP_SECONDS: i8 = 18;
-
-/// How long the receiver's pulse is high, as the session's CFG-TP5 asks for. [µs]
-const PULSE_WIDTH_US: u32 = 100_000;
-
 /// The receiver is to forecast its pulse for this time after an edge, in cycles: 10 s.
 const FORECASTS_FOR: u64 = 10 * CORE_HZ as u64;
 
@@ -65,17 +59,15 @@ impl Gnss {
             defmt::panic!("the clock has a writer already");
         };
         let settings = Settings {
-            // NAV-TIMELS is not asked for yet.
-            leap_seconds: image_words::leap_seconds().or(Some(LEAP_SECONDS)),
+            // Where a recording has no NAV-TIMELS that would prove it.
+            leap_seconds: image_words::leap_seconds(),
             date_floor: image_words::date_floor(),
             ..Settings::DEFAULT.with_latency_ns(settings::LATENCY_NS)
         };
-        let mut clock = UtcClock::new(settings, writer);
-        clock.handle_pulse_width(Some(PULSE_WIDTH_US));
         Self {
             receiver: Receiver::new(line),
             pulse,
-            clock,
+            clock: UtcClock::new(settings, writer),
             edge: None,
             news: ClockNews::new(),
         }
@@ -92,6 +84,8 @@ impl Gnss {
                 Event::Ack { .. } | Event::Nak { .. } => {}
             }
         }
+        self.clock
+            .handle_pulse_width(self.receiver.pulse_width_us());
     }
 
     fn handle_mark(&mut self, mark: &TimeMark) {
@@ -120,6 +114,9 @@ impl Gnss {
     fn configure(&mut self, now: Cycles) {
         let has_pulse = self.edge.is_some_and(|edge| edge.plus(FORECASTS_FOR) > now);
         self.receiver.handle_forecasts_wanted(has_pulse);
+        if self.clock.poll_leap_seconds(now) {
+            self.receiver.handle_leap_seconds_wanted();
+        }
         self.receiver.configure(now);
     }
 

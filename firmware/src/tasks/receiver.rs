@@ -9,8 +9,10 @@ use timebase::{CORE_HZ, Cycles, Fix};
 use ubx_link::{Event, Link};
 
 use super::configuration::Configuration;
+use crate::clock_events::{self, ClockEvent};
 use crate::drivers::uart::{INCOMING, Reader, Writer};
 use crate::reports::ReceiverReport;
+use crate::settings;
 
 /// From report to report, in cycles: 1 s.
 pub const REPORT_EVERY: u64 = CORE_HZ as u64;
@@ -34,7 +36,7 @@ impl Receiver {
         Self {
             reader,
             writer,
-            link: Link::new(),
+            link: Link::at(settings::GPS_BAUD),
             configuration: Configuration::new(),
             fix: None,
         }
@@ -60,12 +62,27 @@ impl Receiver {
     /// The next message in the bytes that were taken.
     #[inline]
     pub fn poll(&mut self, now: Cycles) -> Option<Event> {
-        let event = self.link.poll(now)?;
-        self.configuration.handle_event(now, &event);
+        let Some(mut event) = self.link.poll(now) else {
+            if let Some(what) = self.link.poll_unwanted() {
+                self.configuration.handle_unwanted(now, what);
+            }
+            return None;
+        };
+        self.configuration.handle_event(now, &mut event);
         if let Event::NavPvt { mark, fix } = &event {
             self.fix = Some((mark.arrival, *fix));
         }
         Some(event)
+    }
+
+    /// NAV-TIMELS is wanted once. Before [`Self::configure`].
+    pub const fn handle_leap_seconds_wanted(&mut self) {
+        self.configuration.handle_leap_seconds_wanted();
+    }
+
+    /// How long the receiver's pulse is high; `None` while it has not acknowledged that. [µs]
+    pub const fn pulse_width_us(&self) -> Option<u32> {
+        self.configuration.pulse_width_us()
     }
 
     /// Sets whether the receiver is to forecast its pulse. Before [`Self::configure`].
@@ -75,7 +92,19 @@ impl Receiver {
 
     /// Goes on with the receiver's configuration.
     pub fn configure(&mut self, now: Cycles) {
-        self.configuration.drive(&mut self.writer, now);
+        if let Some(baud) = self.configuration.drive(&mut self.writer, now) {
+            self.link.handle_baud(baud);
+        }
+        while let Some(setting) = self.configuration.poll_refusal() {
+            let (class, id) = setting.subject();
+            defmt::warn!(
+                "the receiver refuses {=str} ({=u8:02x}-{=u8:02x})",
+                setting.name(),
+                class,
+                id
+            );
+            clock_events::push(ClockEvent::Refused(setting));
+        }
     }
 
     /// When to call [`Self::poll`] and [`Self::configure`] again if no byte comes.

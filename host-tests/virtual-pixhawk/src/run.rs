@@ -19,7 +19,7 @@ use rigless::emulator::{self, Start};
 use rigless::session::Session;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
-use world::{Pulse, Sent, Talker, WorldNanos};
+use world::{Pulse, Receiver, Sent, Talker, WorldNanos};
 
 use crate::board::{CyclesPerInstruction, GPS, Pixhawk1, TELEM1};
 use crate::card::Card;
@@ -116,6 +116,13 @@ impl Builder {
     pub fn gps(mut self, receiver: impl Talker + Send + 'static) -> Self {
         self.gps = Box::new(receiver);
         self
+    }
+
+    /// Puts `receiver` on the GPS connector, and its pulse on AUX5.
+    #[must_use]
+    pub fn gps_and_pulse(self, receiver: Receiver) -> Self {
+        let pulses = receiver.pulses();
+        self.gps(receiver).pulse(pulses)
     }
 
     /// Puts `station` on TELEM1.

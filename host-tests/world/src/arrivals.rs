@@ -57,7 +57,7 @@ impl Solver {
             crystal_ppb: settings.crystal_ppb,
             latency: LatencySource::new(settings.latency, settings.seed),
             stalls: settings.stalls.clone(),
-            time_faults: settings.time_faults.clone(),
+            time_faults: settings.all_time_faults(),
             last: None,
             next: None,
         }

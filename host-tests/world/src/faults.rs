@@ -127,6 +127,18 @@ pub enum PulseFaultKind {
         /// Within how long after it, spread by chance; less than a second. \[ns\]
         within_ns: u64,
     },
+    /// It is high where it should be low.
+    Inverted,
+    /// It comes so often a second.
+    Repeated {
+        /// How often. \[Hz\]
+        hz: u32,
+    },
+    /// It has another width.
+    Width {
+        /// How long it lasts. \[ns\]
+        width_ns: u64,
+    },
     /// It comes at another phase of the second.
     WrongPhase {
         /// By how much it is late; within half a second to either side. \[ns\]

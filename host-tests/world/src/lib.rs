@@ -45,6 +45,6 @@ pub use line::{Damage, Damages, Line};
 pub use pulse::{Pulse, Pulses};
 pub use receiver::Receiver;
 pub use recording::{NoNavPvt, Recording};
-pub use settings::{Port, PulseSettings, ReceiverSettings};
+pub use settings::{LeapKnowledge, LeftOn, Port, PulseSettings, ReceiverSettings};
 pub use talker::{Sent, Talker, Transmission, WorldNanos};
 pub use wander::Wander;

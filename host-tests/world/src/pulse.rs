@@ -5,11 +5,14 @@
 //! *Design.* The true edges come from the receiver's own stream of chance
 //! ([`PulseMaker`]) and the faults of the wire from another, so that faults change
 //! nothing about them, and what [`Receiver`](crate::Receiver) forecasts is what
-//! [`Pulses`] does.
+//! [`Pulses`] does. Those of [`Receiver::pulses`](crate::Receiver::pulses) are as wide as CFG-TP5
+//! has made them.
 //!
-//! *Limits.* Faults begin and end with a second. Edges are rounded to 1 ns.
+//! *Limits.* A new width is seen up to 3 s later: that far ahead are edges made. Faults begin and
+//! end with a second. Edges are rounded to 1 ns.
 
 use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use fastrand::Rng;
 
@@ -36,6 +39,40 @@ pub struct Pulse {
     pub late_ps: i32,
 }
 
+/// How long pulses last. \[ns\]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Widths {
+    pub(crate) unlocked_ns: u64,
+    pub(crate) locked_ns: u64,
+}
+
+/// Where CFG-TP5 says how long pulses last, and the wire looks.
+#[derive(Clone, Debug)]
+pub(crate) struct PulsePort(Arc<Mutex<Widths>>);
+
+impl PulsePort {
+    pub(crate) fn new(settings: &PulseSettings) -> Self {
+        Self(Arc::new(Mutex::new(Widths {
+            unlocked_ns: settings.unlocked_width_ns,
+            locked_ns: settings.width_ns,
+        })))
+    }
+
+    pub(crate) fn set(&self, widths: Widths) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = widths;
+    }
+
+    fn widths(&self) -> Widths {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// How long the wire is low at most between pulses that run into each other: 1 ms. \[ns\]
+const DIP_NS: u64 = 1_000_000;
+
+/// The phase at which a receiver without a time makes its pulses, if it makes any. \[ns\]
+const UNLOCKED_PHASE_NS: i64 = 370_000_000;
+
 /// The edges on the pulse's wire in their order, for ever or until it is cut for
 /// ever.
 #[derive(Clone, Debug)]
@@ -44,6 +81,7 @@ pub struct Pulses {
     rng: Rng,
     utc_at_start_ns: i64,
     settings: PulseSettings,
+    port: PulsePort,
     /// Edges on their way, in their order.
     ahead: VecDeque<Pulse>,
     /// No edge of a second to come is before this.
@@ -55,7 +93,13 @@ impl Pulses {
     /// The pulses of a receiver like this.
     #[must_use]
     pub fn new(settings: &ReceiverSettings) -> Self {
+        Self::at(PulsePort::new(&settings.pulse), settings)
+    }
+
+    /// The same with the widths of `port`.
+    pub(crate) fn at(port: PulsePort, settings: &ReceiverSettings) -> Self {
         Self {
+            port,
             maker: PulseMaker::new(settings),
             rng: stream(settings.seed, Stream::PulseFaults),
             utc_at_start_ns: settings.utc_at_start_ns,
@@ -75,9 +119,14 @@ impl Pulses {
         let Ok(at) = u64::try_from(second_ns).map(WorldNanos) else {
             return;
         };
+        let widths = self.port.widths();
         if at < self.settings.from {
+            if widths.unlocked_ns > 0 {
+                self.add_edge(second_ns + UNLOCKED_PHASE_NS, None, 0, widths.unlocked_ns);
+            }
             return;
         }
+        let mut width_ns = widths.locked_ns;
         let mut edge_ns = made.edge_ns;
         let mut utc_s = Some(made.utc_s);
         let mut is_lost = false;
@@ -98,6 +147,16 @@ impl Pulses {
                 PulseFaultKind::Bouncing { edges, within_ns } => {
                     more_ns.extend((0..edges).map(|_| self.rng.u64(0..within_ns.max(1)) + 1));
                 }
+                PulseFaultKind::Inverted => {
+                    edge_ns = edge_ns.saturating_add_unsigned(width_ns);
+                    width_ns = NS_PER_S.cast_unsigned().saturating_sub(width_ns);
+                    utc_s = None;
+                }
+                PulseFaultKind::Repeated { hz } => {
+                    let period_ns = NS_PER_S.cast_unsigned() / u64::from(hz.max(1));
+                    more_ns.extend((1..u64::from(hz)).map(|nth| nth * period_ns));
+                }
+                PulseFaultKind::Width { width_ns: other_ns } => width_ns = other_ns,
                 PulseFaultKind::WrongPhase { by_ns } => {
                     edge_ns += by_ns;
                     utc_s = None;
@@ -107,13 +166,14 @@ impl Pulses {
         if is_lost {
             return;
         }
-        self.add_edge(edge_ns, utc_s, made.late_ps);
+        self.add_edge(edge_ns, utc_s, made.late_ps, width_ns);
         for after_ns in more_ns {
-            self.add_edge(edge_ns.saturating_add_unsigned(after_ns), None, 0);
+            let edge_ns = edge_ns.saturating_add_unsigned(after_ns);
+            self.add_edge(edge_ns, None, 0, width_ns);
         }
     }
 
-    fn add_edge(&mut self, edge_ns: i64, utc_s: Option<i64>, late_ps: i32) {
+    fn add_edge(&mut self, edge_ns: i64, utc_s: Option<i64>, late_ps: i32, width_ns: u64) {
         let Ok(edge) = u64::try_from(edge_ns).map(WorldNanos) else {
             return;
         };
@@ -122,7 +182,7 @@ impl Pulses {
             index,
             Pulse {
                 edge,
-                end: edge.plus(self.settings.width_ns),
+                end: edge.plus(width_ns),
                 utc_s,
                 late_ps,
             },
@@ -145,9 +205,11 @@ impl Iterator for Pulses {
             self.add_second();
         }
         let mut pulse = self.ahead.pop_front()?;
-        if let Some(behind) = self.ahead.front() {
-            let half_way = pulse.edge.plus((behind.edge.0 - pulse.edge.0) / 2);
-            pulse.end = pulse.end.min(half_way);
+        if let Some(behind) = self.ahead.front()
+            && pulse.end >= behind.edge
+        {
+            let apart_ns = behind.edge.0 - pulse.edge.0;
+            pulse.end = pulse.edge.plus(apart_ns - (apart_ns / 2).min(DIP_NS));
         }
         Some(pulse)
     }
@@ -264,6 +326,48 @@ mod tests {
                 let behind = edge.edge.0 % SECOND;
                 assert!(behind <= within_ns + 200 && (10..=20).contains(&(edge.edge.0 / SECOND)));
             }
+        }
+    }
+
+    #[test]
+    fn an_inverted_pulse_falls_where_it_should_rise() {
+        let pulses = with_fault(PulseFaultKind::Inverted);
+        let inverted: Vec<&Pulse> = pulses.iter().filter(|p| p.utc_s.is_none()).collect();
+        assert_eq!(inverted.len(), 10);
+        for is in inverted {
+            assert!((is.edge.0 % SECOND).abs_diff(100_000_000) < 300);
+            assert!((is.end.0 - is.edge.0).abs_diff(900_000_000) < 1_000_300);
+            let phase_ns = is.end.0 % SECOND;
+            assert!(!(300..SECOND - 1_000_300).contains(&phase_ns));
+        }
+    }
+
+    #[test]
+    fn a_repeated_pulse_has_its_second_and_others() {
+        let pulses = with_fault(PulseFaultKind::Repeated { hz: 10 });
+        let extra = pulses.iter().filter(|p| p.utc_s.is_none()).count();
+        assert_eq!(extra, 9 * 10);
+        let in_it = pulses.iter().filter(|p| p.edge.0 / SECOND == 15);
+        let phases: Vec<u64> = in_it.map(|p| (p.edge.0 % SECOND + 500) / 1_000).collect();
+        let even = phases.windows(2).all(|pair| pair[1] - pair[0] == 100_000);
+        assert!(even && phases.len() >= 9, "{phases:?}");
+        let wide = with_fault(PulseFaultKind::Width {
+            width_ns: 37_000_000,
+        });
+        let narrow = wide.iter().filter(|p| p.end.0 - p.edge.0 == 37_000_000);
+        assert_eq!(narrow.count(), 10);
+    }
+
+    #[test]
+    fn without_a_time_it_comes_at_another_phase_or_not_at_all() {
+        let mut settings = settings(PulseSettings::m8());
+        settings.pulse.from = WorldNanos(10 * SECOND);
+        assert!(Pulses::new(&settings).next().unwrap().edge.0 > 9 * SECOND);
+        settings.pulse.unlocked_width_ns = 50_000_000;
+        let first: Vec<Pulse> = Pulses::new(&settings).take(9).collect();
+        for pulse in first {
+            assert_eq!((pulse.edge.0 % SECOND, pulse.utc_s), (370_000_000, None));
+            assert_eq!(pulse.end.0 - pulse.edge.0, 50_000_000);
         }
     }
 

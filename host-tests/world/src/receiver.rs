@@ -7,18 +7,19 @@
 //! ahead, so that [`Talker::next_event`] is a look at a field. Answers to
 //! configuration wait in a queue; one line carries both. TIM-TP leaves behind the
 //! first solution after each pulse and forecasts the next one in
-//! [`Pulses`](crate::Pulses).
+//! [`Pulses`](crate::Pulses). What the line cannot take waits; what has to wait for too long is lost.
 //!
-//! *Limits.* It understands CFG-PRT, CFG-MSG, CFG-RATE, CFG-NAV5 and CFG-TP5;
-//! any other CFG is refused with ACK-NAK, anything else is not answered. What CFG-TP5
-//! asks for changes nothing about the pulse.
+//! *Limits.* It understands CFG-PRT, CFG-MSG, CFG-RATE, CFG-NAV5, CFG-INF and CFG-TP5, and the poll
+//! of NAV-TIMELS; any other CFG is refused with ACK-NAK, anything else is not answered. Of CFG-TP5 it
+//! takes the widths. A whole solution is lost, where a real one drops the messages that do not fit.
 
 use std::collections::VecDeque;
 
 use crate::arrivals::{Solution, Solver};
 use crate::chance::{Stream, stream};
+use crate::pulse::{PulsePort, Pulses, Widths};
 use crate::pulse_maker::PulseMaker;
-use crate::settings::{Port, ReceiverSettings};
+use crate::settings::{LeftOn, Port, ReceiverSettings};
 use crate::talker::{Sent, Talker, Transmission, WorldNanos, line_ns};
 use crate::ubx::{self, Claims};
 
@@ -48,6 +49,8 @@ pub struct Receiver {
     solver: Solver,
     solution: Solution,
     pulses: PulseMaker,
+    pulse_port: PulsePort,
+    left_on: Vec<LeftOn>,
     /// Epochs so far, for messages that leave at every n-th one.
     epochs: u64,
     /// Pulses that were forecast so far, for TIM-TP that leaves at every n-th one.
@@ -71,6 +74,8 @@ impl Receiver {
             solver,
             solution,
             pulses: PulseMaker::new(&settings),
+            pulse_port: PulsePort::new(&settings.pulse),
+            left_on: settings.left_on.clone(),
             epochs: 0,
             forecasts: 0,
             answers: VecDeque::new(),
@@ -85,6 +90,17 @@ impl Receiver {
     #[must_use]
     pub const fn port(&self) -> Port {
         self.port
+    }
+
+    /// What it makes on its pulse's wire, as wide as CFG-TP5 asks for.
+    #[must_use]
+    pub fn pulses(&self) -> Pulses {
+        Pulses::at(self.pulse_port.clone(), &self.settings)
+    }
+
+    /// The messages beside those of its port that it still sends.
+    pub fn left_on(&self) -> impl Iterator<Item = &LeftOn> {
+        self.left_on.iter().filter(|left| left.every > 0)
     }
 
     /// True UTC at `at`, since 1970. \[ns\]
@@ -103,7 +119,8 @@ impl Receiver {
     /// with a fix) in three equal parts.
     fn claims(&self, at: WorldNanos) -> Claims {
         let (valid, t_acc_ns, fix_type) = if at.0 >= self.settings.cold_start_ns {
-            (0x37, 22, 3)
+            let is_resolved = at >= self.settings.leap_resolved();
+            (if is_resolved { 0x37 } else { 0xf7 }, 22, 3)
         } else {
             match at.0.saturating_mul(3) / self.settings.cold_start_ns {
                 0 => (0xf0, u32::MAX, 0),
@@ -124,9 +141,14 @@ impl Receiver {
             wanted_utc_ns,
             reported_utc_ns: epoch_utc_ns,
             error_ns,
+            ready,
             ..
         } = self.solution;
         self.epochs += 1;
+        if start.0 - ready.0 > self.settings.queue_ns {
+            self.solve_after(wanted_utc_ns);
+            return None;
+        }
         let every = u64::from(self.port.nav_pvt_every);
         let baud = self.port.baud;
         let mut bytes = Vec::new();
@@ -142,6 +164,14 @@ impl Receiver {
         }
         if self.port.nmea {
             bytes.extend(ubx::rmc(epoch_utc_ns));
+        }
+        for left in &self.left_on {
+            if self.epochs.checked_rem(left.every.into()) == Some(0) {
+                let (class, id) = left.message;
+                let mut noise = fastrand::Rng::with_seed(self.epochs);
+                let payload: Vec<u8> = (0..left.payload_len).map(|_| noise.u8(..)).collect();
+                bytes.extend(ubx::frame(class, id, &payload));
+            }
         }
         if self.port.tim_tp_every > 0 {
             bytes.extend(self.forecast(start, bytes.len(), error_ns));
@@ -171,19 +201,49 @@ impl Receiver {
         ubx::frame(class, id, &ubx::tim_tp_payload(pulse_utc_ns, made.late_ps))
     }
 
-    /// Accepts or refuses one frame.
-    fn configure(&mut self, now: WorldNanos, class: u8, id: u8, payload: &[u8]) {
-        if class != 0x06 || payload.is_empty() {
-            return;
+    /// Answers one frame.
+    fn answer(&mut self, now: WorldNanos, class: u8, id: u8, payload: &[u8]) {
+        match (class, payload) {
+            (0x06, [_, ..]) => self.configure(now, id, payload),
+            (_, []) if (class, id) == ubx::NAV_TIMELS => {
+                let ready = now.plus(ANSWER_NS);
+                let is_resolved = ready >= self.settings.leap_resolved();
+                let count = if is_resolved {
+                    ubx::GPS_MINUS_UTC_S as i8
+                } else {
+                    self.settings.leap.built_with
+                };
+                let payload = ubx::nav_timels_payload(self.utc_ns(ready), count, is_resolved);
+                self.answers.push_back(Answer {
+                    ready,
+                    baud: self.port.baud,
+                    bytes: ubx::frame(class, id, &payload),
+                });
+            }
+            _ => {}
         }
+    }
+
+    /// Accepts or refuses one configuration frame.
+    fn configure(&mut self, now: WorldNanos, id: u8, payload: &[u8]) {
         let old_baud = self.port.baud;
+        let subject = match (id, payload) {
+            (0x01, &[class, id, ..]) => (class, id),
+            _ => (0x06, id),
+        };
         let accepted = match (id, payload) {
+            _ if self.settings.refuses.contains(&subject) => false,
             (0x00, payload) => self.set_port(payload),
             (0x01, &[class, id, every]) | (0x01, &[class, id, _, every, _, _, _, _]) => {
                 match (class, id) {
                     ubx::NAV_PVT => self.port.nav_pvt_every = every,
                     ubx::TIM_TP => self.port.tim_tp_every = every,
-                    _ => {}
+                    message => {
+                        let mut left_on = self.left_on.iter_mut();
+                        if let Some(left) = left_on.find(|left| left.message == message) {
+                            left.every = every;
+                        }
+                    }
                 }
                 true
             }
@@ -200,8 +260,9 @@ impl Receiver {
                 }
                 accepted
             }
+            (0x02, payload) => payload.len() == 10,
             (0x24, payload) => payload.len() == 36,
-            (0x31, payload) => payload.len() == 32,
+            (0x31, payload) => self.set_pulse(payload),
             _ => false,
         };
         // At which speed a change of speed is acknowledged is not defined.
@@ -213,8 +274,28 @@ impl Receiver {
         self.answers.push_back(Answer {
             ready: now.plus(ANSWER_NS),
             baud,
-            bytes: ubx::frame(0x05, u8::from(accepted), &[class, id]),
+            bytes: ubx::frame(0x05, u8::from(accepted), &[0x06, id]),
         });
+    }
+
+    /// CFG-TP5: the widths of the pulse, of a second's period and given in µs.
+    fn set_pulse(&mut self, payload: &[u8]) -> bool {
+        let Some(payload) = payload.first_chunk::<32>() else {
+            return false;
+        };
+        let word = |at: usize| {
+            let word = [at, at + 1, at + 2, at + 3].map(|at| payload[at]);
+            u32::from_le_bytes(word)
+        };
+        // isLength and lockedOtherSet, and isFreq not.
+        if word(28) & 0x1c != 0x14 || word(12) != 1_000_000 {
+            return false;
+        }
+        self.pulse_port.set(Widths {
+            unlocked_ns: u64::from(word(16)) * 1_000,
+            locked_ns: u64::from(word(20)) * 1_000,
+        });
+        true
     }
 
     /// CFG-PRT: the speed and which protocols leave. UART1 only.
@@ -264,7 +345,7 @@ impl Talker for Receiver {
         let received = core::mem::take(&mut self.received);
         let mut done = received.len().saturating_sub(RECEIVED_MAX);
         for frame in ubx::find_frames(&received, |_, _, _| true) {
-            self.configure(now, frame.class, frame.id, frame.payload);
+            self.answer(now, frame.class, frame.id, frame.payload);
             done = done.max(frame.end());
         }
         self.received = received[done..].to_vec();

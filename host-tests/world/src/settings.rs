@@ -10,6 +10,7 @@
 use crate::WorldNanos;
 use crate::faults::{PulseFault, Stall, TimeFault};
 use crate::latency::Latency;
+use crate::ubx;
 
 /// The receiver's port and rate, as they stand at power-on and as CFG-PRT,
 /// CFG-MSG and CFG-RATE change them.
@@ -64,9 +65,12 @@ pub struct PulseSettings {
     /// The clock at whose ticks edges can be made; 0 for any time. Its
     /// sawtooth is a part of `rms_ns`. \[Hz\]
     pub clock_hz: u32,
-    /// How long a pulse lasts. \[ns\]
+    /// How long a pulse lasts before CFG-TP5 has said another width. \[ns\]
     pub width_ns: u64,
-    /// When the receiver begins to make pulses.
+    /// How long a pulse lasts while the receiver has no time, before CFG-TP5 has said: 0 for none. Then
+    /// it comes at a phase of its own. \[ns\]
+    pub unlocked_width_ns: u64,
+    /// When the receiver begins to make pulses at the second.
     pub from: WorldNanos,
     /// What goes wrong on the way.
     pub faults: Vec<PulseFault>,
@@ -83,6 +87,7 @@ impl PulseSettings {
             correlation_ns: 100_000_000_000,
             clock_hz: 48_000_000,
             width_ns: 100_000_000,
+            unlocked_width_ns: 0,
             from: WorldNanos(0),
             faults: Vec::new(),
         }
@@ -96,6 +101,44 @@ impl PulseSettings {
             ..Self::m8()
         }
     }
+}
+
+/// A message that a receiver has in its flash beside those of its [`Port`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LeftOn {
+    /// Its class and id.
+    pub message: (u8, u8),
+    /// Its payload. \[bytes\]
+    pub payload_len: u16,
+    /// From one to the next; 0 is never. \[epochs\]
+    pub every: u8,
+}
+
+impl LeftOn {
+    /// RXM-RAWX with 72 measurements at each epoch: at 5 Hz 101 % of a line at 115200 baud.
+    pub const RAWX: Self = Self {
+        message: (0x02, 0x15),
+        payload_len: 16 + 32 * 72,
+        every: 1,
+    };
+}
+
+/// What a receiver knows of leap seconds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LeapKnowledge {
+    /// The count that its firmware was built with: GPS less UTC. \[s\]
+    pub built_with: i8,
+    /// How long after the world's start it has the count from the sky, and not before the cold
+    /// start is over. Until then its UTC is off by what the other count is. \[ns\]
+    pub resolved_ns: u64,
+}
+
+impl LeapKnowledge {
+    /// The right count, from the start.
+    pub const RESOLVED: Self = Self {
+        built_with: 18,
+        resolved_ns: 0,
+    };
 }
 
 /// What a receiver is like.
@@ -116,6 +159,15 @@ pub struct ReceiverSettings {
     pub crystal_ppb: i32,
     /// Its port at power-on.
     pub port: Port,
+    /// What else it sends.
+    pub left_on: Vec<LeftOn>,
+    /// Class and id of what it answers with ACK-NAK: of a CFG message, or of the message that
+    /// CFG-MSG is about.
+    pub refuses: Vec<(u8, u8)>,
+    /// How long a message may have to wait for the line before its queue is full and it is lost. \[ns\]
+    pub queue_ns: u64,
+    /// What it knows of leap seconds.
+    pub leap: LeapKnowledge,
     /// When it falls silent.
     pub stalls: Vec<Stall>,
     /// When its time is wrong.
@@ -136,9 +188,26 @@ impl ReceiverSettings {
             cold_start_ns: 0,
             crystal_ppb: 600,
             port: Port::FACTORY,
+            left_on: Vec::new(),
+            refuses: Vec::new(),
+            queue_ns: u64::MAX,
+            leap: LeapKnowledge::RESOLVED,
             stalls: Vec::new(),
             time_faults: Vec::new(),
             pulse: PulseSettings::m8(),
         }
+    }
+    /// When it has its leap count from the sky.
+    pub(crate) fn leap_resolved(&self) -> WorldNanos {
+        WorldNanos(self.leap.resolved_ns.max(self.cold_start_ns))
+    }
+
+    /// What is wrong with its time, a leap count of its own included.
+    pub(crate) fn all_time_faults(&self) -> Vec<TimeFault> {
+        let ahead_s = ubx::GPS_MINUS_UTC_S - i64::from(self.leap.built_with);
+        let before = TimeFault::jump(WorldNanos(0), ahead_s * 1_000_000_000);
+        let mut faults = self.time_faults.clone();
+        faults.push(before.until(self.leap_resolved()));
+        faults
     }
 }

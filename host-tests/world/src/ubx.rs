@@ -15,7 +15,7 @@ const NS_PER_S: i64 = 1_000_000_000;
 const MS_PER_WEEK: i64 = 7 * 86_400_000;
 
 /// GPS is ahead of UTC by this since 2017. \[s\]
-const GPS_MINUS_UTC_S: i64 = 18;
+pub(crate) const GPS_MINUS_UTC_S: i64 = 18;
 /// 1980-01-06, where GPS begins, since 1970. \[s\]
 const GPS_ORIGIN_S: i64 = 315_964_800;
 
@@ -31,6 +31,11 @@ pub const TIM_TP: (u8, u8) = (0x0d, 0x01);
 pub const TIM_TP_LEN: usize = 16;
 /// The length of a whole TIM-TP frame. \[bytes\]
 pub const TIM_TP_FRAME_LEN: usize = TIM_TP_LEN + OVERHEAD;
+
+/// Class and id of NAV-TIMELS.
+pub const NAV_TIMELS: (u8, u8) = (0x01, 0x26);
+/// The length of a NAV-TIMELS payload. \[bytes\]
+pub const NAV_TIMELS_LEN: usize = 24;
 
 /// The Fletcher-8 checksum of everything between sync and checksum.
 fn checksum(bytes: &[u8]) -> [u8; 2] {
@@ -226,6 +231,20 @@ pub fn tim_tp_payload(pulse_utc_ns: i64, late_ps: i32) -> [u8; TIM_TP_LEN] {
     // The time base is UTC, and UTC is available; its standard is USNO's.
     payload[14] = 0x03;
     payload[15] = 0x3f;
+    payload
+}
+
+/// A NAV-TIMELS payload at `utc_ns`: `count` leap seconds, as the GPS satellites tell (source 2) or as
+/// the firmware has it (source 0, not valid). No event is known.
+#[must_use]
+pub fn nav_timels_payload(utc_ns: i64, count: i8, is_from_sky: bool) -> [u8; NAV_TIMELS_LEN] {
+    let of_gps_ms = utc_ns.div_euclid(1_000_000) - (GPS_ORIGIN_S - GPS_MINUS_UTC_S) * 1_000;
+    let itow = of_gps_ms.rem_euclid(MS_PER_WEEK) as u32;
+    let mut payload = [0; NAV_TIMELS_LEN];
+    payload[0..4].copy_from_slice(&itow.to_le_bytes());
+    payload[8] = if is_from_sky { 2 } else { 0 };
+    payload[9] = count.cast_unsigned();
+    payload[23] = u8::from(is_from_sky);
     payload
 }
 

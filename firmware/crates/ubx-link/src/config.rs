@@ -2,7 +2,7 @@
 //!
 //! *Purpose.* The receiver's settings: the line's rate and UBX alone, a solution
 //! each 200 ms on the grid of UTC, NAV-PVT of it, the airborne model, a pulse at
-//! each full second, and whether to forecast it.
+//! each full second, whether to forecast it, and silence about the rest. And the poll of NAV-TIMELS.
 //!
 //! *Design.* Built by `ublox`, except for CFG-PRT: its builder leaves out a bit of
 //! `mode` that is reserved and set in every receiver's own answer. A test compares
@@ -29,6 +29,27 @@ pub const BAUDS: [u32; 5] = [BAUD, 9_600, 38_400, 57_600, 230_400];
 /// From solution to solution, in ms.
 const PERIOD_MS: u16 = 200;
 
+/// How long the pulse is high that the receiver is asked for, in µs: 37 ms.
+///
+/// It has to be nobody's default, so that the pulse of another module, or of this one as it comes out of its
+/// box, is told from ours by its width: u-blox has 100 ms, others 1, 10, 20, 25, 40, 50, 200 or 500 ms, and a
+/// clock takes no width for ours that is 2 ms off. Inverted, it is 963 ms. And it is short, because a
+/// pulse is known for one only when it falls.
+pub const PULSE_WIDTH_US: u32 = 37_000;
+
+/// The poll of NAV-TIMELS: the message without a payload.
+pub(crate) const POLL_LEAP_SECONDS: [u8; 8] = [SYNC_1, SYNC_2, 0x01, 0x26, 0, 0, 0x27, 0x76];
+
+/// CFG-INF: of protocol 0, which is UBX, no notice is left in the mask of any port.
+const NOTICES: [u8; 18] = [
+    SYNC_1, SYNC_2, 0x06, 0x02, 10, 0, // class, id, length
+    0, 0, 0, 0, 0, 0, 0, 0, 0, 0, // the protocol, and six ports
+    0x12, 0xe6,
+];
+
+const NAV_PVT: (u8, u8) = (0x01, 0x07);
+const TIM_TP: (u8, u8) = (0x0d, 0x01);
+
 /// The longest frame of all, in bytes.
 pub(crate) const LONGEST: usize = 44;
 
@@ -43,13 +64,22 @@ pub enum Setting {
     Message,
     /// CFG-NAV5: airborne below 2 g, 3D fixes only.
     Navigation,
-    /// CFG-TP5: a pulse of 100 ms at each second of UTC, once GNSS time is known;
-    /// its rising edge is the mark.
+    /// CFG-TP5: a pulse of [`PULSE_WIDTH_US`] at each second of UTC, and none while GNSS time is not
+    /// known; its rising edge is the mark.
     Pulse,
     /// CFG-MSG: TIM-TP before every pulse, on the port that receives this, or never.
     Forecasts {
         /// Whether it is to come.
         on: bool,
+    },
+    /// CFG-INF: no notices (the class INF) in UBX.
+    Notices,
+    /// CFG-MSG: a message never, on the port that receives this.
+    Off {
+        /// Its class.
+        class: u8,
+        /// Its id.
+        id: u8,
     },
 }
 
@@ -60,11 +90,48 @@ impl Setting {
         let id = match self {
             Self::Port => 0x00,
             Self::Rate => 0x08,
-            Self::Message | Self::Forecasts { .. } => 0x01,
+            Self::Message | Self::Forecasts { .. } | Self::Off { .. } => 0x01,
+            Self::Notices => 0x02,
             Self::Navigation => 0x24,
             Self::Pulse => 0x31,
         };
         (0x06, id)
+    }
+
+    /// What it is called in the receiver's own words; of [`Self::Off`] the message.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Port => "CFG-PRT",
+            Self::Rate => "CFG-RATE",
+            Self::Message => "NAV-PVT",
+            Self::Navigation => "CFG-NAV5",
+            Self::Pulse => "CFG-TP5",
+            Self::Forecasts { .. } => "TIM-TP",
+            Self::Notices => "CFG-INF",
+            Self::Off { class, id } => match (class, id) {
+                (0x01, 0x26) => "NAV-TIMELS off",
+                (0x01, _) => "NAV off",
+                (0x02, 0x13) => "RXM-SFRBX off",
+                (0x02, 0x14) => "RXM-MEASX off",
+                (0x02, 0x15) => "RXM-RAWX off",
+                (0x02, _) => "RXM off",
+                (0x0a, _) => "MON off",
+                (0x0d, _) => "TIM off",
+                _ => "UBX off",
+            },
+        }
+    }
+
+    /// Class and id of the message that it is about, or its own.
+    #[must_use]
+    pub const fn subject(self) -> (u8, u8) {
+        match self {
+            Self::Message => NAV_PVT,
+            Self::Forecasts { .. } => TIM_TP,
+            Self::Off { class, id } => (class, id),
+            other => other.message(),
+        }
     }
 
     /// Writes the frame to `buffer` and returns its length, in bytes; `baud` is our rate.
@@ -80,24 +147,10 @@ impl Setting {
                 }
                 .into_packet_bytes(),
             ),
-            Self::Message => put(
-                buffer,
-                &CfgMsgSinglePortBuilder {
-                    msg_class: 0x01,
-                    msg_id: 0x07,
-                    rate: 1,
-                }
-                .into_packet_bytes(),
-            ),
-            Self::Forecasts { on } => put(
-                buffer,
-                &CfgMsgSinglePortBuilder {
-                    msg_class: 0x0d,
-                    msg_id: 0x01,
-                    rate: on.into(),
-                }
-                .into_packet_bytes(),
-            ),
+            Self::Message => put(buffer, &message(NAV_PVT, 1)),
+            Self::Forecasts { on } => put(buffer, &message(TIM_TP, on.into())),
+            Self::Off { class, id } => put(buffer, &message((class, id), 0)),
+            Self::Notices => put(buffer, &NOTICES),
             Self::Navigation => put(
                 buffer,
                 &CfgNav5Builder {
@@ -115,7 +168,7 @@ impl Setting {
                     freq_period: 1_000_000.0,
                     freq_period_lock: 1_000_000.0,
                     pulse_len_ratio: 0.0,
-                    pulse_len_ratio_lock: 100_000.0,
+                    pulse_len_ratio_lock: f64::from(PULSE_WIDTH_US),
                     // `ublox` has the four bits of gridUtcGnss as flags of one bit each, one bit
                     // too high: its UTC_TIME_GRID is the GPS grid in the message. Without a flag
                     // the field is 0, which is UTC.
@@ -131,6 +184,16 @@ impl Setting {
             ),
         }
     }
+}
+
+/// CFG-MSG: a message at each n-th epoch, on the port that receives this; 0 is never.
+fn message((msg_class, msg_id): (u8, u8), rate: u8) -> [u8; 11] {
+    CfgMsgSinglePortBuilder {
+        msg_class,
+        msg_id,
+        rate,
+    }
+    .into_packet_bytes()
 }
 
 /// CFG-PRT by hand (u-blox M8 receiver description, UBX-CFG-PRT).
@@ -167,7 +230,7 @@ mod tests {
     /// The frames as pyubx2 and a second encoder give them.
     #[test]
     fn frames_are_right_to_the_byte() {
-        let known: [(Setting, &[u8]); 7] = [
+        let known: [(Setting, &[u8]); 9] = [
             (
                 Setting::Port,
                 b"\xb5\x62\x06\x00\x14\x00\x01\x00\x00\x00\xd0\x08\x00\x00\x00\xc2\x01\x00\
@@ -189,8 +252,8 @@ mod tests {
             (
                 Setting::Pulse,
                 b"\xb5\x62\x06\x31\x20\x00\x00\x01\x00\x00\x00\x00\x00\x00\x40\x42\x0f\x00\
-                  \x40\x42\x0f\x00\x00\x00\x00\x00\xa0\x86\x01\x00\x00\x00\x00\x00\x77\x00\
-                  \x00\x00\x18\x3e",
+                  \x40\x42\x0f\x00\x00\x00\x00\x00\x88\x90\x00\x00\x00\x00\x00\x00\x77\x00\
+                  \x00\x00\x09\x82",
             ),
             (
                 Setting::Forecasts { on: true },
@@ -200,6 +263,17 @@ mod tests {
                 Setting::Forecasts { on: false },
                 b"\xb5\x62\x06\x01\x03\x00\x0d\x01\x00\x18\x68",
             ),
+            (
+                Setting::Notices,
+                b"\xb5\x62\x06\x02\x0a\x00\0\0\0\0\0\0\0\0\0\0\x12\xe6",
+            ),
+            (
+                Setting::Off {
+                    class: 0x02,
+                    id: 0x15,
+                },
+                b"\xb5\x62\x06\x01\x03\x00\x02\x15\x00\x21\x6f",
+            ),
         ];
         for (setting, expected) in known {
             let mut buffer = [0; LONGEST];
@@ -208,5 +282,6 @@ mod tests {
             let (class, id) = setting.message();
             assert_eq!(expected.get(2..4), Some(&[class, id][..]));
         }
+        assert_eq!(&POLL_LEAP_SECONDS, b"\xb5\x62\x01\x26\x00\x00\x27\x76");
     }
 }

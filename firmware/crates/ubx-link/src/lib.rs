@@ -3,6 +3,7 @@
 //! *Purpose.* Bytes of the line become [`Event`]s: a NAV-PVT a [`TimeMark`](timebase::TimeMark) and
 //! a [`Fix`], a TIM-TP a [`PulseForecast`](timebase::PulseForecast). And a receiver is configured,
 //! whatever its settings were: 115200 baud, NAV-PVT alone at 5 Hz, and TIM-TP while it is wanted.
+//! NAV-TIMELS is polled. With each of them comes for how long the line had been busy before it.
 //! The types that matter:
 //!
 //! - [`Link`], which takes bytes and finds the frames in them;
@@ -14,8 +15,8 @@
 //! ours, at a cost that no stream can raise. Each whole frame goes once through the crate `ublox`,
 //! which is not in the interface.
 //!
-//! *Limits.* u-blox M8, protocol 15 to 23, over a UART. Only NAV-PVT, TIM-TP, ACK-ACK and ACK-NAK
-//! are understood; everything else on the line is skipped and counted.
+//! *Limits.* u-blox M8, protocol 15 to 23, over a UART. Only NAV-PVT, TIM-TP, NAV-TIMELS, ACK-ACK
+//! and ACK-NAK are understood; everything else on the line is skipped and counted.
 //!
 //! ```
 //! use timebase::{Cycles, StampedByte};
@@ -65,10 +66,12 @@ mod fletcher;
 mod kind;
 pub mod link;
 pub mod session;
+mod unwanted;
 mod window;
 
-pub use config::{BAUD, BAUDS, Setting};
+pub use config::{BAUD, BAUDS, PULSE_WIDTH_US, Setting};
 pub use event::Event;
 pub use link::{Link, LinkCounters};
 pub use session::{Action, Session, SessionCounters};
 pub use timebase::Fix;
+pub use unwanted::Unwanted;

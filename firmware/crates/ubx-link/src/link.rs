@@ -24,9 +24,11 @@
 
 use timebase::{CORE_HZ, Cycles, Stamp, StampedByte};
 
+use crate::config::BAUD;
 use crate::event::{self, Event};
 use crate::fletcher::Fletcher;
 use crate::kind::{CHECKSUM_LEN, Header, Kind, LONGEST, SHORTEST, SYNC_1, SYNC_LEN};
+use crate::unwanted::Unwanted;
 use crate::window::{CAPACITY, Window};
 
 /// How much later than the `now` of the same call a byte may be stamped, in cycles: 100 ms. Bytes
@@ -74,7 +76,15 @@ pub struct Link {
     candidate: Option<Kind>,
     /// The number of bytes that have to be held before the next decision.
     wanted: usize,
+    heard: Heard,
+}
+
+/// What was met on the way.
+#[derive(Clone, Debug)]
+struct Heard {
     counters: LinkCounters,
+    /// The last message that we do not use, until it is asked for.
+    unwanted: Option<Unwanted>,
 }
 
 impl Default for Link {
@@ -93,28 +103,37 @@ impl Link {
     /// The number of bytes for which there is room behind a frame that was cut short.
     pub const ROOM: usize = CAPACITY - LONGEST;
 
-    /// A line on which nothing has been received.
+    /// A line at [`BAUD`] on which nothing has been received.
     #[must_use]
     pub const fn new() -> Self {
+        Self::at(BAUD)
+    }
+
+    /// The same at another rate, in baud.
+    #[must_use]
+    pub const fn at(baud: u32) -> Self {
         Self {
-            window: Window::new(),
+            window: Window::at(baud),
             sums: Sums::START,
             candidate: None,
             wanted: SHORTEST,
-            counters: LinkCounters {
-                nav_pvts: 0,
-                tim_tps: 0,
-                nav_timels: 0,
-                acks: 0,
-                naks: 0,
-                bad_checksums: 0,
-                truncated: 0,
-                refused: 0,
-                false_lengths: 0,
-                other_messages: 0,
-                lone_syncs: 0,
-                nmea_starts: 0,
-                foreign_bytes: 0,
+            heard: Heard {
+                unwanted: None,
+                counters: LinkCounters {
+                    nav_pvts: 0,
+                    tim_tps: 0,
+                    nav_timels: 0,
+                    acks: 0,
+                    naks: 0,
+                    bad_checksums: 0,
+                    truncated: 0,
+                    refused: 0,
+                    false_lengths: 0,
+                    other_messages: 0,
+                    lone_syncs: 0,
+                    nmea_starts: 0,
+                    foreign_bytes: 0,
+                },
             },
         }
     }
@@ -122,7 +141,21 @@ impl Link {
     /// What has come over the line so far.
     #[must_use]
     pub const fn counters(&self) -> LinkCounters {
-        self.counters
+        self.heard.counters
+    }
+
+    /// The UART has another rate from now on, in baud: what tells an idle line is measured in
+    /// bytes.
+    pub const fn handle_baud(&mut self, baud: u32) {
+        self.window.handle_baud(baud);
+    }
+
+    /// The last message that we do not use, once; see
+    /// [`Session::handle_unwanted`](crate::Session::handle_unwanted). After [`Self::poll`] has
+    /// returned `None`.
+    #[inline]
+    pub const fn poll_unwanted(&mut self) -> Option<Unwanted> {
+        self.heard.unwanted.take()
     }
 
     /// Takes bytes of the line, as many as there is room for, and returns how many. There is room
@@ -180,7 +213,7 @@ impl Link {
     #[inline(never)]
     fn examine(&mut self, idle: bool) -> Option<Kind> {
         let held = self.window.held();
-        let counters = &mut self.counters;
+        let heard = &mut self.heard;
         let mut sums = self.sums;
         let mut candidate = self.candidate;
         let mut rest = held;
@@ -188,14 +221,14 @@ impl Link {
             if let Some(kind) = candidate {
                 let failed = match rest.get(..kind.frame_len()) {
                     Some(frame) if sums.hold(kind, frame) => break candidate,
-                    Some(_) => &mut counters.bad_checksums,
-                    None if idle => &mut counters.truncated,
+                    Some(_) => &mut heard.counters.bad_checksums,
+                    None if idle => &mut heard.counters.truncated,
                     None => break None,
                 };
                 count(failed, 1);
                 rest = sums.pass(rest);
             }
-            (rest, candidate) = search(rest, &mut sums, counters);
+            (rest, candidate) = search(rest, &mut sums, heard);
             if candidate.is_none() {
                 if idle {
                     rest = &[];
@@ -204,7 +237,7 @@ impl Link {
             }
         };
         let foreign = held.len().wrapping_sub(rest.len());
-        count(&mut counters.foreign_bytes, foreign);
+        count(&mut heard.counters.foreign_bytes, foreign);
         self.sums = sums;
         self.window.give_up(foreign);
         self.expect(candidate);
@@ -221,7 +254,7 @@ impl Link {
             stamp.extend(now.plus(AHEAD.into())),
             micros(self.window.busy()),
         );
-        let counters = &mut self.counters;
+        let counters = &mut self.heard.counters;
         let counter = match kind {
             _ if event.is_none() => &mut counters.refused,
             Kind::NavPvt => &mut counters.nav_pvts,
@@ -317,11 +350,7 @@ fn count(counter: &mut u32, more: usize) {
 /// The rest of `bytes` from the first header of ours on, and its kind; or from the first bytes on
 /// that may become one. The sums move along.
 #[inline(never)]
-fn search<'a>(
-    bytes: &'a [u8],
-    sums: &mut Sums,
-    counters: &mut LinkCounters,
-) -> (&'a [u8], Option<Kind>) {
+fn search<'a>(bytes: &'a [u8], sums: &mut Sums, heard: &mut Heard) -> (&'a [u8], Option<Kind>) {
     let mut rest = bytes;
     let mut behind = sums.behind;
     let mut found = None;
@@ -333,11 +362,17 @@ fn search<'a>(
                     found = Some(kind);
                     break;
                 }
-                Header::LoneSync => count(&mut counters.lone_syncs, 1),
-                Header::OtherMessage => count(&mut counters.other_messages, 1),
-                Header::FalseLength => count(&mut counters.false_lengths, 1),
+                Header::LoneSync => count(&mut heard.counters.lone_syncs, 1),
+                Header::OtherMessage => {
+                    count(&mut heard.counters.other_messages, 1);
+                    heard.unwanted = Unwanted::ubx(rest);
+                }
+                Header::FalseLength => count(&mut heard.counters.false_lengths, 1),
             },
-            b'$' => count(&mut counters.nmea_starts, 1),
+            b'$' => {
+                count(&mut heard.counters.nmea_starts, 1);
+                heard.unwanted = Unwanted::nmea(rest).or(heard.unwanted);
+            }
             _ => {}
         }
         behind = behind.then((*first).into());

@@ -19,21 +19,32 @@ pub(crate) struct Window {
     /// The held bytes are `start..end`.
     start: usize,
     end: usize,
-    /// The last byte that was removed, and for how long the line had been busy by then. [cycles]
+    /// The longest time from byte to byte that is no gap. [cycles]
+    gap: u32,
+    /// The last byte that was removed.
     last: Option<Stamp>,
+    /// For how long the line had been busy by then; `u64::MAX` while it was never seen idle. [cycles]
     busy: u64,
 }
 
 impl Window {
-    pub(crate) const fn new() -> Self {
+    pub(crate) const fn at(baud: u32) -> Self {
         Self {
             bytes: [0; CAPACITY],
             stamps: [Stamp(0); CAPACITY],
             start: 0,
             end: 0,
+            gap: gap(baud),
             last: None,
-            busy: 0,
+            busy: u64::MAX,
         }
+    }
+
+    /// The bytes to come are sent at another rate. Whether the line is idle is not known until it
+    /// was seen so at that.
+    pub(crate) const fn handle_baud(&mut self, baud: u32) {
+        self.gap = gap(baud);
+        (self.last, self.busy) = (None, u64::MAX);
     }
 
     #[inline]
@@ -76,12 +87,20 @@ impl Window {
         taken
     }
 
-    /// For how long the line had been busy without a gap when the oldest byte came. [cycles]
+    /// For how long the line had been busy without a gap when the oldest byte came; `u64::MAX`
+    /// where it was never seen idle. [cycles]
     #[inline]
     pub(crate) fn busy(&self) -> u64 {
         match (self.stamp(0), self.last) {
-            (Some(stamp), Some(last)) if self.len() > 0 => busy_after(self.busy, last, stamp),
-            _ => 0,
+            (Some(stamp), Some(last)) => {
+                let since = stamp.0.wrapping_sub(last.0);
+                if since > self.gap {
+                    0
+                } else {
+                    self.busy.saturating_add(since.into())
+                }
+            }
+            _ => self.busy,
         }
     }
 
@@ -89,10 +108,19 @@ impl Window {
     #[inline]
     pub(crate) fn give_up(&mut self, length: usize) {
         let until = self.start.saturating_add(length).min(self.end);
-        for stamp in self.stamps.get(self.start..until).unwrap_or_default() {
-            if let Some(last) = self.last.replace(*stamp) {
-                self.busy = busy_after(self.busy, last, *stamp);
+        let gone = self.stamps.get(self.start..until).unwrap_or_default();
+        if let Some((first, rest)) = gone.split_first() {
+            let mut busy = self.busy();
+            let mut begin = *first;
+            let mut last = *first;
+            for stamp in rest {
+                if stamp.0.wrapping_sub(last.0) > self.gap {
+                    (busy, begin) = (0, *stamp);
+                }
+                last = *stamp;
             }
+            self.busy = busy.saturating_add(last.0.wrapping_sub(begin.0).into());
+            self.last = Some(last);
         }
         self.start = self.start.wrapping_add(length);
         if self.start >= self.end {
@@ -108,20 +136,13 @@ impl Window {
     }
 }
 
-/// A pause from byte to byte that is longer than this is a gap: two byte times at 115200 baud, and
-/// the one that the byte itself takes. At a lower rate every byte seems to follow one: nothing is
-/// claimed of a line that is not yet configured. [cycles]
-const GAP: u32 = CORE_HZ / 11_520 * 3;
-
-/// For how long the line has been busy at a byte, from what it was at the byte before.
-#[inline]
-fn busy_after(busy: u64, last: Stamp, stamp: Stamp) -> u64 {
-    let since = stamp.0.wrapping_sub(last.0);
-    if since > GAP {
-        0
-    } else {
-        busy.saturating_add(since.into())
-    }
+/// The longest time from byte to byte on a line that is busy: two byte times, and the one that the
+/// byte itself takes. [cycles]
+const fn gap(baud: u32) -> u32 {
+    let Some(byte) = (CORE_HZ * 10).checked_div(baud) else {
+        return 0;
+    };
+    byte * 3
 }
 
 /// Moves `start..end` of `items` to their front, in strides that do not overlap:
@@ -153,9 +174,58 @@ mod tests {
     use crate::kind::LONGEST;
 
     #[test]
+    fn a_line_is_busy_from_the_first_byte_behind_a_gap_on() {
+        const BYTE: u32 = CORE_HZ / 11_520;
+        const GAP: u32 = 3 * BYTE + 1;
+        let mut at = 0_u32;
+        let mut stamps = |after: u32, times: usize| -> Vec<StampedByte> {
+            let next = || {
+                at = at.wrapping_add(after);
+                let stamp = Stamp(at);
+                StampedByte { stamp, byte: 0 }
+            };
+            core::iter::repeat_with(next).take(times).collect()
+        };
+        let mut window = Window::at(115_200);
+        // It was never seen idle; three byte times are no gap.
+        window.fill(&stamps(GAP - 1, 5));
+        window.give_up(4);
+        assert_eq!(window.busy(), u64::MAX);
+        // Of three runs the last one counts, and the byte behind it is a part of it.
+        window.fill(&stamps(GAP, 1));
+        window.fill(&stamps(BYTE, 9));
+        window.fill(&stamps(GAP, 1));
+        window.fill(&stamps(BYTE, 9));
+        window.fill(&stamps(BYTE, 1));
+        window.give_up(21);
+        assert_eq!(window.busy(), u64::from(BYTE) * 10);
+        // A full line, beyond the end of the stamps' word.
+        let mut busy = window.busy();
+        for pieces in 1..2_000_u32 {
+            let length = 1 + pieces as usize % 400;
+            window.fill(&stamps(GAP - 1, length));
+            window.give_up(length);
+            busy += length as u64 * u64::from(GAP - 1);
+            assert_eq!(window.busy(), busy);
+        }
+        assert!(busy > 1 << u32::BITS);
+        window.fill(&stamps(GAP, 1));
+        window.give_up(1);
+        assert_eq!(window.busy(), 0);
+        // At another rate nothing is known before the next gap, which is longer.
+        window.handle_baud(38_400);
+        window.fill(&stamps(9 * BYTE, 2));
+        window.give_up(2);
+        assert_eq!(window.busy(), u64::MAX);
+        window.fill(&stamps(9 * BYTE + 4, 1));
+        window.give_up(1);
+        assert_eq!(window.busy(), 0);
+    }
+
+    #[test]
     fn there_is_room_as_long_as_less_than_a_longest_frame_is_held() {
         let mut counter = 0_u32;
-        let mut window = Window::new();
+        let mut window = Window::at(115_200);
         let mut oldest = 1;
         for round in 0..2_000 {
             let left = round % LONGEST;

@@ -31,6 +31,9 @@ pub fn statustext(event: ClockEvent) -> (Severity, Text) {
         }
         ClockEvent::PulseFollowed => (Severity::Notice, "clock follows the pulse", None, ""),
         ClockEvent::PulseLost => (Severity::Warning, "clock lost the pulse", None, ""),
+        ClockEvent::Refused(setting) => {
+            (Severity::Warning, "receiver refuses ", None, setting.name())
+        }
         ClockEvent::LogFull => (Severity::Warning, "log full", None, ""),
         ClockEvent::Saved { file, samples } => {
             push_number(&mut text, samples.into());

@@ -19,8 +19,7 @@ fn core_hz(crystal_ppb: i32) -> f64 {
 fn board(firmware: &Firmware, crystal_ppb: i32, settings: &ReceiverSettings) -> Pixhawk {
     Builder::new(firmware.clone())
         .crystal_ppb(crystal_ppb)
-        .gps(Receiver::new(settings.clone()))
-        .pulse(Pulses::new(settings))
+        .gps_and_pulse(Receiver::new(settings.clone()))
         .power_on()
         .unwrap()
 }
@@ -129,8 +128,7 @@ fn a_ping_that_meets_the_status_line_is_stamped_at_once() {
         .map(|n| WorldNanos((20 + n) * SECOND + 200_000 + n * 4_000))
         .collect();
     let mut board = Builder::new(firmware)
-        .gps(Receiver::new(settings.clone()))
-        .pulse(Pulses::new(&settings))
+        .gps_and_pulse(Receiver::new(settings))
         .telem1(Script::new(pings(Version::V2, sent_at.iter().copied())))
         .power_on()
         .unwrap();

@@ -5,9 +5,7 @@ use std::thread;
 
 use utc_clock::ClockState;
 use virtual_pixhawk::{Builder, ClockReading, Firmware};
-use world::{
-    PulseFault, PulseFaultKind, Pulses, Receiver, ReceiverSettings, Stall, TimeFault, WorldNanos,
-};
+use world::{PulseFault, PulseFaultKind, Receiver, ReceiverSettings, Stall, TimeFault, WorldNanos};
 
 use crate::common::{MS, SECOND, START_UTC_NS, image, receiver_settings};
 
@@ -48,12 +46,12 @@ fn clocks(
             seed: settings.seed + nth as u64,
             ..settings.clone()
         };
-        let mut builder = Builder::new(firmware.clone())
-            .crystal_ppb(CRYSTALS_PPB[nth])
-            .gps(Receiver::new(settings.clone()));
-        if aux5 == Aux5::Wired {
-            builder = builder.pulse(Pulses::new(&settings));
-        }
+        let receiver = Receiver::new(settings);
+        let builder = Builder::new(firmware.clone()).crystal_ppb(CRYSTALS_PPB[nth]);
+        let builder = match aux5 {
+            Aux5::Wired => builder.gps_and_pulse(receiver),
+            Aux5::Open => builder.gps(receiver),
+        };
         let mut board = builder.power_on().unwrap();
         let read_at = (from_s * SECOND..to_s * SECOND).step_by(500 * MS as usize);
         // Not always at the same phase of the second.

@@ -19,7 +19,7 @@ pub const HOST: Address = Address {
 const START_UTC_NS: i64 = 1_795_320_000 * 1_000_000_000;
 
 /// A receiver that needs no configuration.
-pub fn receiver_settings() -> ReceiverSettings {
+fn receiver_settings() -> ReceiverSettings {
     let mut settings = ReceiverSettings::new(START_UTC_NS);
     settings.port = Port::CONFIGURED;
     settings

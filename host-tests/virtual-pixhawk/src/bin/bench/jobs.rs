@@ -4,9 +4,9 @@ use anyhow::Context as _;
 use mavlink_node::Version;
 use mavlink_node::client::Client;
 use virtual_pixhawk::{Builder, Firmware, Script, Tally};
-use world::{Pulses, Receiver, Transmission, WorldNanos};
+use world::{Transmission, WorldNanos};
 
-use crate::board::{BAUD, HOST, MS, SECOND, executed, metered, receiver, receiver_settings};
+use crate::board::{BAUD, HOST, MS, SECOND, executed, metered, receiver};
 use crate::table::Row;
 
 /// Exception numbers of the vector table (RM0090, table 62): 16 and the interrupt's.
@@ -82,10 +82,8 @@ const MARK: &str = "<utc_clock::discipline::Discipline>::handle_mark";
 /// it follows both, after eight minutes, when its memory is full.
 pub fn estimators(firmware: &Firmware) -> anyhow::Result<[Row; 2]> {
     const PULSE: &str = "<utc_clock::clock::UtcClock>::handle_edge";
-    let settings = receiver_settings();
     let mut board = Builder::new(firmware.clone())
-        .gps(Receiver::new(settings.clone()))
-        .pulse(Pulses::new(&settings))
+        .gps_and_pulse(receiver())
         .power_on()?;
     board.run_to(WorldNanos(490 * SECOND))?;
     board.start_meter(&[MARK, PULSE])?;
@@ -103,7 +101,7 @@ pub fn estimators(firmware: &Firmware) -> anyhow::Result<[Row; 2]> {
         Row::new(
             "one pulse, in estimator and clock",
             most(PULSE, 19)?,
-            2000.0,
+            2500.0,
             "",
         ),
     ])

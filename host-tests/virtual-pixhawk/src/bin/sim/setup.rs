@@ -7,7 +7,7 @@ use std::time::SystemTime;
 use anyhow::Context as _;
 use console::{SimOptions, UtcNanos, Word};
 use virtual_pixhawk::{Builder, Firmware, TcpLine};
-use world::{Pulses, Receiver, ReceiverSettings, Recording};
+use world::{Receiver, ReceiverSettings, Recording};
 
 use crate::life::Life;
 
@@ -71,11 +71,11 @@ impl<'a> Setup<'a> {
                     seed: index.into(),
                     ..ReceiverSettings::new(self.utc_at_start_ns)
                 };
-                let builder = builder.gps(Receiver::new(settings.clone()));
+                let receiver = Receiver::new(settings);
                 if self.options.pulse {
-                    builder.pulse(Pulses::new(&settings))
+                    builder.gps_and_pulse(receiver)
                 } else {
-                    builder
+                    builder.gps(receiver)
                 }
             }
         };

@@ -14,7 +14,7 @@ use mavlink_node::{Parameter, Version};
 use testbed::{Conversation, Method, Options, OwnLog, Record, Schedule};
 use timebase::{Stamp, StampedByte};
 use virtual_pixhawk::{Builder, Card, Connector, Firmware, Gaps, Pixhawk, Script};
-use world::{Pulses, Receiver, ReceiverSettings};
+use world::{Receiver, ReceiverSettings};
 
 use crate::outgoing;
 
@@ -102,12 +102,14 @@ impl Prepared {
         let test_ns = POWER_WITHIN_NS + u64::from(options.settle) * SECOND;
         let mut builder = Builder::new(Firmware::read(path)?)
             .crystal_ppb(crystal_ppb)
-            .gps(Receiver::new(receiver.clone()))
             .telem1(Script::new(outgoing::all(schedule, test_ns - power_ns)))
             .card(Card::holding(&fat_image::formatted(Kind::Fat16)));
-        if method.has_pulse() {
-            builder = builder.pulse(Pulses::new(&receiver));
-        }
+        let receiver = Receiver::new(receiver);
+        builder = if method.has_pulse() {
+            builder.gps_and_pulse(receiver)
+        } else {
+            builder.gps(receiver)
+        };
         Ok(Self {
             builder,
             name: format!("board {}", index + 1),

@@ -1,0 +1,163 @@
+//! What a receiver sends that we do not use.
+//!
+//! *Purpose.* A receiver may have messages in its flash that fill the line: raw data at 5 Hz is more
+//! than 115200 baud carry, and everything behind it comes seconds late. This keeps what was heard,
+//! and says what to switch off next.
+//!
+//! *Design.* A table of [`KINDS`] kinds. A kind that is heard [`HEARD`] times is asked to be off, at most
+//! [`ASKED`] times with [`PAUSE`] between, since what waits in the receiver's queue still comes. One that
+//! the receiver refuses, or that goes on, is reported once and left alone.
+//!
+//! *Limits.* A header is taken at its word, without its checksum: what noise invents is not heard
+//! twice before it gives its place to others, and to switch it off harms nothing.
+
+use timebase::Cycles;
+
+use crate::config::Setting;
+
+/// So many kinds are kept.
+const KINDS: usize = 8;
+
+/// What is heard so often is no accident.
+const HEARD: u8 = 2;
+
+/// A kind is asked to be off so often.
+const ASKED: u8 = 3;
+
+/// From one time to the next, in cycles: 10 s, longer than any queue that was seen.
+pub(crate) const PAUSE: u64 = Cycles::from_micros(10_000_000).0;
+
+/// A kind of message that we do not use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unwanted {
+    /// Sentences of NMEA.
+    Nmea,
+    /// A message of UBX.
+    Ubx {
+        /// Its class.
+        class: u8,
+        /// Its id.
+        id: u8,
+    },
+}
+
+impl Unwanted {
+    /// The message whose header `bytes` begin with.
+    #[inline]
+    pub(crate) const fn ubx(bytes: &[u8]) -> Option<Self> {
+        match *bytes {
+            [_, _, class, id, ..] => Some(Self::Ubx { class, id }),
+            _ => None,
+        }
+    }
+
+    /// NMEA, if `bytes` begin with a dollar sign and five letters that are a talker and a sentence:
+    /// the sign alone is in any binary data.
+    #[inline]
+    pub(crate) fn nmea(bytes: &[u8]) -> Option<Self> {
+        match bytes.first_chunk::<7>()? {
+            [b'$', b'G', letters @ .., b','] => letters
+                .iter()
+                .all(u8::is_ascii_uppercase)
+                .then_some(Self::Nmea),
+            _ => None,
+        }
+    }
+
+    /// What switches it off; `None` for answers, which come for the asking.
+    const fn off(self) -> Option<Setting> {
+        match self {
+            Self::Nmea => Some(Setting::Port),
+            Self::Ubx { class: 0x04, .. } => Some(Setting::Notices),
+            Self::Ubx {
+                class: 0x05 | 0x06, ..
+            } => None,
+            Self::Ubx { class, id } => Some(Setting::Off { class, id }),
+        }
+    }
+}
+
+/// What is known of a kind.
+#[derive(Clone, Copy, Debug)]
+struct Kind {
+    what: Unwanted,
+    /// Times that it was heard since it was last asked to be off.
+    heard: u8,
+    /// When it was heard last.
+    at: Cycles,
+    asked: u8,
+    /// What is heard before was on its way already.
+    counts_from: Cycles,
+    is_reported: bool,
+}
+
+/// The kinds that were heard.
+#[derive(Clone, Debug)]
+pub(crate) struct Table([Option<Kind>; KINDS]);
+
+impl Table {
+    pub(crate) const fn new() -> Self {
+        Self([None; KINDS])
+    }
+
+    /// Takes one that was heard.
+    pub(crate) fn handle(&mut self, now: Cycles, what: Unwanted) {
+        if what.off().is_none() {
+            return;
+        }
+        let found = self.0.iter_mut().flatten().find(|kind| kind.what == what);
+        if let Some(kind) = found {
+            kind.at = now;
+            if now >= kind.counts_from {
+                kind.heard = kind.heard.saturating_add(1);
+            }
+            return;
+        }
+        // In a free place, or the one of what was not asked for and not heard for the longest time.
+        let may_go = |place: &&mut Option<Kind>| place.is_none_or(|kind| kind.asked == 0);
+        let place = self
+            .0
+            .iter_mut()
+            .filter(may_go)
+            .min_by_key(|place| place.map_or(Cycles::BOOT, |kind| kind.at));
+        if let Some(place) = place {
+            *place = Some(Kind {
+                what,
+                heard: 1,
+                at: now,
+                asked: 0,
+                counts_from: Cycles::BOOT,
+                is_reported: false,
+            });
+        }
+    }
+
+    /// The next to be switched off.
+    pub(crate) fn poll_off(&mut self, now: Cycles) -> Option<Setting> {
+        let is_due = |kind: &&mut Kind| kind.heard >= HEARD && kind.asked < ASKED;
+        let kind = self.0.iter_mut().flatten().find(is_due)?;
+        kind.asked = kind.asked.saturating_add(1);
+        kind.heard = 0;
+        kind.counts_from = now.plus(PAUSE);
+        kind.what.off()
+    }
+
+    /// The receiver has refused to switch it off.
+    pub(crate) fn handle_refused(&mut self, setting: Setting) {
+        for kind in self.0.iter_mut().flatten() {
+            if kind.what.off() == Some(setting) {
+                kind.asked = ASKED;
+                kind.is_reported = true;
+            }
+        }
+    }
+
+    /// One that goes on although it was asked to be off, once.
+    pub(crate) fn poll_stubborn(&mut self) -> Option<Setting> {
+        let is_stubborn =
+            |kind: &&mut Kind| kind.heard >= HEARD && kind.asked >= ASKED && !kind.is_reported;
+        let kind = self.0.iter_mut().flatten().find(is_stubborn)?;
+        kind.is_reported = true;
+        kind.what.off()
+    }
+}

@@ -31,5 +31,5 @@ pub fn run(options: &Options) -> Result<ExitCode> {
     if options.json {
         bench.arg("--json");
     }
-    tool::hand_over(&mut bench)
+    tool::become_it(&mut bench)
 }

@@ -24,5 +24,5 @@ pub fn run(options: &SimOptions, arguments: &[String]) -> Result<ExitCode> {
         })?;
         command.arg("--image").arg(image);
     }
-    tool::hand_over(&mut command)
+    tool::become_it(&mut command)
 }

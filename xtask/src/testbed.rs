@@ -81,7 +81,7 @@ fn on_virtual_boards(options: &Options, arguments: &[String]) -> Result<ExitCode
             .arg("--image")
             .arg(format!("{image}={}", path.display()));
     }
-    tool::hand_over(&mut command)
+    tool::become_it(&mut command)
 }
 
 fn on_qemu(options: &Options) -> Result<ExitCode> {

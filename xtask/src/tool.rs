@@ -4,6 +4,7 @@
 //! emulator is a program of the package `virtual-pixhawk`. The first build of that
 //! takes minutes, and cargo shows its progress meanwhile.
 
+use std::os::unix::process::CommandExt as _;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 
@@ -24,17 +25,9 @@ pub fn build(name: &str) -> Result<PathBuf> {
     Ok(image::target_dir()?.join("debug").join(name))
 }
 
-/// Runs a tool to its end, and ends as it did. Ctrl-C is the tool's to handle.
-///
-/// # Errors
-///
-/// When it cannot be started.
-pub fn hand_over(command: &mut Command) -> Result<ExitCode> {
-    // The terminal sends it to both of us; the tool ends cleanly, and then we do.
-    ctrlc::set_handler(|| ())?;
-    let status = command
-        .status()
-        .with_context(|| format!("cannot start {command:?}"))?;
-    let code = status.code().and_then(|code| u8::try_from(code).ok());
-    Ok(code.map_or(ExitCode::FAILURE, ExitCode::from))
+/// Becomes a tool: it takes over this process with its id, so that whoever signals or waits for the one
+/// that was started has the tool itself. Returns only the reason why it cannot be started.
+pub fn become_it(command: &mut Command) -> Result<ExitCode> {
+    let error = command.exec();
+    Err(error).with_context(|| format!("cannot start {command:?}"))
 }

@@ -108,7 +108,7 @@ impl Pixhawk {
     }
 
     /// A register of the part, without the side effects of a read.
-    fn peek(&mut self, address: u64) -> anyhow::Result<u32> {
+    pub(crate) fn peek(&mut self, address: u64) -> anyhow::Result<u32> {
         let value = self.order(move |stopped| {
             let part = &mut stopped.session.board_mut().mcu;
             part.peek(stopped.stop.at, address, Width::W32)

@@ -19,6 +19,7 @@ mod card;
 mod clock;
 mod gaps;
 mod image;
+mod led;
 mod meter;
 mod operator;
 mod pulse_wire;

@@ -6,7 +6,10 @@
 //! *Design.* Any number of clients at once: each receives everything, as on a radio,
 //! and what they send is put on the line in the order in which it is found. The
 //! sockets are looked at once a ms of true time, for both ways, and never waited
-//! for. The line goes at the speed at which the board talks.
+//! for. The line goes at the speed at which the board talks, and no more is taken
+//! from the clients than it carries: a client that sends faster finds its socket
+//! full, and those beside it have their turns. A client that has ended its own
+//! sending goes on to receive.
 //!
 //! *Limits.* Two clients that send at the same time can have their frames cut into
 //! each other where a frame comes in two reads. A client that does not read is cut
@@ -21,7 +24,10 @@ use anyhow::Context as _;
 use world::{Sent, Talker, Transmission, WorldNanos};
 
 const LOOK_EVERY_NS: u64 = 1_000_000;
-const CHUNK: usize = 4_096;
+/// What is taken from a client at once: the longest frame of MAVLink is 280 bytes.
+const CHUNK: usize = 512;
+/// Nothing is taken while the line is busy for longer than this.
+const AHEAD_NS: u64 = 5_000_000;
 /// The speed of the line until the board has sent something.
 const FIRST_BAUD: u32 = 115_200;
 
@@ -29,13 +35,21 @@ const FIRST_BAUD: u32 = 115_200;
 #[derive(Debug)]
 pub struct TcpLine {
     listener: TcpListener,
-    clients: Vec<TcpStream>,
+    clients: Vec<Client>,
     /// What the board has sent since the last look.
     sent: Vec<u8>,
     baud: u32,
     next_look: WorldNanos,
     line_free: WorldNanos,
     counts: Arc<Counts>,
+}
+
+/// A program that is connected.
+#[derive(Debug)]
+struct Client {
+    stream: TcpStream,
+    /// It will send nothing more.
+    has_ended: bool,
 }
 
 /// How many clients have come and gone since the start.
@@ -106,7 +120,10 @@ impl TcpLine {
         while let Ok((client, _)) = self.listener.accept() {
             // Without these a socket could stop the run, or delay an answer.
             if client.set_nonblocking(true).is_ok() && client.set_nodelay(true).is_ok() {
-                self.clients.push(client);
+                self.clients.push(Client {
+                    stream: client,
+                    has_ended: false,
+                });
                 self.counts.came.fetch_add(1, Ordering::Relaxed);
             }
         }
@@ -116,16 +133,23 @@ impl TcpLine {
         let sent = std::mem::take(&mut self.sent);
         if !sent.is_empty() {
             self.clients
-                .retain_mut(|client| client.write_all(&sent).is_ok());
+                .retain_mut(|client| client.stream.write_all(&sent).is_ok());
         }
     }
 
     fn read(&mut self) -> Vec<u8> {
         let mut bytes = Vec::new();
         let mut chunk = [0; CHUNK];
-        self.clients
-            .retain_mut(|client| match client.read(&mut chunk) {
-                Ok(0) => false,
+        self.clients.retain_mut(|client| {
+            if client.has_ended {
+                return true;
+            }
+            match client.stream.read(&mut chunk) {
+                // It may still listen; a write finds out.
+                Ok(0) => {
+                    client.has_ended = true;
+                    true
+                }
                 Ok(count) => {
                     bytes.extend(&chunk[..count]);
                     true
@@ -133,7 +157,8 @@ impl TcpLine {
                 Err(error) => {
                     matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted)
                 }
-            });
+            }
+        });
         bytes
     }
 }
@@ -151,7 +176,8 @@ impl Talker for TcpLine {
         self.welcome();
         let connected = self.clients.len();
         self.write();
-        let bytes = self.read();
+        let is_full = self.line_free > now.plus(AHEAD_NS);
+        let bytes = if is_full { Vec::new() } else { self.read() };
         let left = connected.saturating_sub(self.clients.len()) as u32;
         self.counts.left.fetch_add(left, Ordering::Relaxed);
         if bytes.is_empty() {
@@ -226,11 +252,58 @@ mod tests {
             client(&line).write_all(word).unwrap();
             assert_eq!(poll_patiently(&mut line).unwrap().bytes, word);
         }
-        line.handle_bytes(WorldNanos(0), 57_600, b"lost");
-        assert_eq!(line.poll(line.next_event().unwrap()), None);
+        // Their sockets refuse what is written after the first that finds nobody.
+        for _ in 0..100 {
+            std::thread::sleep(Duration::from_millis(1));
+            line.handle_bytes(WorldNanos(0), 57_600, b"lost");
+            assert_eq!(line.poll(line.next_event().unwrap()), None);
+        }
         assert!(line.clients.is_empty());
         assert_eq!(visits.take(), (2, 2));
         assert_eq!(visits.take(), (0, 0));
+    }
+
+    #[test]
+    fn no_more_is_taken_than_the_line_carries_and_each_has_its_turn() {
+        let mut line = TcpLine::listen(0).unwrap();
+        let mut flooding = client(&line);
+        flooding.set_nonblocking(true).unwrap();
+        let mut other = client(&line);
+        let mut sent = 0;
+        let mut taken = 0;
+        let mut heard = false;
+        // A second of the world's.
+        while line.next_event().unwrap() < WorldNanos(1_000_000_000) {
+            sent += flooding.write(&[0; 4_096]).unwrap_or(0);
+            if line.next_event().unwrap() == WorldNanos(500_000_000) {
+                other.write_all(b"hello").unwrap();
+            }
+            if let Some(transmission) = line.poll(line.next_event().unwrap()) {
+                taken += transmission.bytes.len();
+                heard |= transmission.bytes.windows(5).any(|bytes| bytes == b"hello");
+            }
+        }
+        assert!(heard);
+        // 11 520 bytes a second, and what was taken ahead.
+        assert!((11_000..13_000).contains(&taken), "{taken} of {sent}");
+        assert!(sent > taken, "the rest waits in the sockets");
+    }
+
+    #[test]
+    fn who_has_ended_its_sending_goes_on_to_receive() {
+        let mut line = TcpLine::listen(0).unwrap();
+        let mut half = client(&line);
+        half.write_all(b"all").unwrap();
+        half.shutdown(std::net::Shutdown::Write).unwrap();
+        assert_eq!(poll_patiently(&mut line).unwrap().bytes, b"all");
+        for word in [b"one", b"two"] {
+            std::thread::sleep(Duration::from_millis(1));
+            line.handle_bytes(WorldNanos(0), 57_600, word);
+            assert_eq!(line.poll(line.next_event().unwrap()), None);
+        }
+        let mut received = [0; 6];
+        half.read_exact(&mut received).unwrap();
+        assert_eq!(&received, b"onetwo");
     }
 
     #[test]

@@ -173,10 +173,13 @@ fn a_replayed_recording_is_answered_with_its_own_utc() {
         let Some(recording) = recording(name) else {
             return;
         };
-        let asked_at: Vec<_> = (0..9).map(|n| WorldNanos(SECOND + n * 123 * MS)).collect();
+        // Its marks wait for other messages, and the clock is set by the least late of 10 s.
+        let asked_at: Vec<_> = (0..9)
+            .map(|n| WorldNanos(12 * SECOND + n * 123 * MS))
+            .collect();
         let firmware = firmware.for_recording(&recording, None).unwrap();
         let mut board = board(firmware, 0, recording, &asked_at, Version::V2);
-        board.run_to(WorldNanos(2 * SECOND + 500 * MS)).unwrap();
+        board.run_to(WorldNanos(13 * SECOND + 500 * MS)).unwrap();
         let truth = board.truth().unwrap();
         // A recording knows no epoch's lateness but its own: let the world begin
         // where the first mark puts it.
@@ -208,5 +211,9 @@ fn a_receiver_that_is_configured_already_is_heard_at_once() {
     settings.port = Port::CONFIGURED;
     let mut board = board(firmware, 0, Receiver::new(settings), &[], Version::V2);
     board.run_to(WorldNanos(SECOND)).unwrap();
+    let state = board.clock().unwrap().reading.state;
+    assert!(state != ClockState::Unset, "{state}");
+    // Five marks prove its second.
+    board.run_to(WorldNanos(2 * SECOND)).unwrap();
     assert_eq!(board.clock().unwrap().reading.state, ClockState::Set);
 }

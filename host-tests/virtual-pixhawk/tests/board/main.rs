@@ -22,3 +22,4 @@ mod pulse;
 mod steering;
 #[cfg(test)]
 mod ticks;
+mod told;

@@ -181,7 +181,7 @@ const FIX_TYPE: usize = 28;
 /// Builds requests, and understands messages.
 #[derive(Debug)]
 pub struct Client {
-    framer: Framer<Answers, MAX_PAYLOAD, 512, 128>,
+    framer: Framer<Answers, MAX_PAYLOAD, 128>,
     sender: Sender,
     version: Version,
 }

@@ -47,7 +47,7 @@ use timebase::{Stamp, StampedByte};
 
 use crate::crc;
 use crate::frame::{Address, CRC_LEN, HEADER_V1, HEADER_V2, MAGIC_V1, MAGIC_V2, Version};
-use crate::kind::{Kind, Wanted, any_is_guarded, places};
+use crate::kind::{Shape, Wanted, any_is_guarded, is_guarded, shapes};
 
 /// The longest payload that a node wants, in bytes: COMMAND_INT.
 pub const MAX_PAYLOAD: usize = 35;
@@ -64,7 +64,11 @@ const LONGEST: usize = HEADER_V2 + u8::MAX as usize + CRC_LEN + SIGNATURE_LEN;
 /// Candidates with longer payloads than are known that are awaited at once.
 const LONG_ONES: usize = 8;
 
-/// The reader of one frame after the other goes on each time so many bytes have come.
+/// Positions of the stream that have a cell: the reader of one frame after the other is no farther
+/// behind than that, and ends are noted ahead.
+const RING: usize = 512;
+
+/// That reader goes on each time so many bytes have come.
 const READ_EVERY: u32 = 64;
 
 /// An intact frame, its checksum held.
@@ -119,17 +123,13 @@ impl FramingCounters {
     };
 }
 
-/// Looks for the frames that `W` wants, of whose payloads up to `PAYLOAD` bytes are known. `RING` is
-/// the number of positions that have a cell, `ENDS` of those in which candidates are told apart that
-/// end together; both are powers of two.
+/// Looks for the frames that `W` wants, of whose payloads up to `PAYLOAD` bytes are known. `ENDS` is a
+/// power of two, and at least the longest of them with its header and checksum.
 #[derive(Debug)]
-pub struct Framer<
-    W,
-    const PAYLOAD: usize = MAX_PAYLOAD,
-    const RING: usize = 512,
-    const ENDS: usize = 64,
-> {
+pub struct Framer<W, const PAYLOAD: usize = MAX_PAYLOAD, const ENDS: usize = 64> {
     cells: Ring<Cell, RING>,
+    /// A bit for each of these positions: a magic byte whose frame is not known to be damaged.
+    starts: Ring<u32, { RING / 32 }>,
     /// By start of a candidate: another one with the same end.
     displaced: Ring<Candidate, ENDS>,
     /// The number of bytes that have come: the position of the next one.
@@ -139,6 +139,9 @@ pub struct Framer<
     /// The last byte.
     last: u8,
     long_ones: LongOnes,
+    /// The position of the next byte that is more than a byte: with it a long candidate ends, or
+    /// before it the reader goes on.
+    event: u32,
     /// Where the reader of one frame after the other stands.
     read_to: u32,
     /// The first position after the last frame that was found.
@@ -155,8 +158,6 @@ pub struct Framer<
 struct LongOnes {
     windows: [Window; LONG_ONES],
     count: usize,
-    /// The first position after the one that ends next; of no meaning if there is none.
-    due: u32,
 }
 
 /// A stretch of the stream.
@@ -179,15 +180,13 @@ impl LongOnes {
             length: 0,
         }; LONG_ONES],
         count: 0,
-        due: 0,
     };
 
-    /// Adds a window that ends after `now`, if there is room.
-    fn push(&mut self, window: Window, now: u32) {
+    /// Adds a window, if there is room.
+    fn push(&mut self, window: Window) {
         if let Some(place) = self.windows.get_mut(self.count) {
             *place = window;
             self.count += 1;
-            self.note_due(now);
         }
     }
 
@@ -198,17 +197,15 @@ impl LongOnes {
         let last = *some.last()?;
         let window = core::mem::replace(self.windows.get_mut(place)?, last);
         self.count -= 1;
-        self.note_due(now);
         Some(window)
     }
 
-    fn note_due(&mut self, now: u32) {
-        let some = self.windows.get(..self.count).unwrap_or_default();
-        let ends = some.iter().map(|window| window.end());
-        // One that ends now may be followed by another that does.
-        self.due = ends
-            .min_by_key(|end| end.wrapping_sub(now))
-            .unwrap_or(now.wrapping_sub(1));
+    /// The least distance from `now` to an end.
+    fn until_end(&self, now: u32) -> Option<u32> {
+        let some = self.windows.get(..self.count)?;
+        some.iter()
+            .map(|window| window.end().wrapping_sub(now))
+            .min()
     }
 }
 
@@ -299,26 +296,22 @@ const fn remainder(crc: u16, own: [u8; 2]) -> u16 {
     crc ^ crc::step(0, own[0]) ^ u16::from_le_bytes(own)
 }
 
-impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize> Default
-    for Framer<W, PAYLOAD, RING, ENDS>
-{
+impl<W: Wanted, const PAYLOAD: usize, const ENDS: usize> Default for Framer<W, PAYLOAD, ENDS> {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
-    Framer<W, PAYLOAD, RING, ENDS>
-{
+impl<W: Wanted, const PAYLOAD: usize, const ENDS: usize> Framer<W, PAYLOAD, ENDS> {
     /// The longest frame of a length that is known, without its signature, in bytes.
     const MAX_LENGTH: usize = HEADER_V2 + PAYLOAD + CRC_LEN;
 
-    const PLACES: [u8; 256] = {
+    const SHAPES: [Shape; 256] = {
         // Bytes are kept until the reader has passed them, and ends are noted ahead.
         let kept = LONGEST + READ_EVERY as usize + HEADER_V2;
         assert!(RING.is_power_of_two() && RING >= kept + Self::MAX_LENGTH);
         assert!(ENDS.is_power_of_two() && ENDS >= Self::MAX_LENGTH);
-        places(W::KINDS)
+        shapes(W::KINDS)
     };
 
     const GUARDS: bool = any_is_guarded(W::KINDS);
@@ -332,9 +325,11 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
         };
         Self {
             cells: Ring([cell; RING]),
+            starts: Ring([0; RING / 32]),
             displaced: Ring([Candidate(0); ENDS]),
             position: 0,
             long_ones: LongOnes::NONE,
+            event: READ_EVERY,
             read_to: 0,
             free_from: 0,
             crc: crc::INIT,
@@ -359,11 +354,45 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
     /// none does.
     #[inline]
     #[must_use]
-    pub fn push(&mut self, StampedByte { stamp, byte }: StampedByte) -> u16 {
-        // Before the byte comes, so that all that has ended is decided.
-        if Self::GUARDS && self.position.is_multiple_of(READ_EVERY) {
-            self.read_on(self.position.wrapping_sub(HEADER_V2 as u32));
+    pub fn push(&mut self, byte: StampedByte) -> u16 {
+        if self.position == self.event {
+            self.push_at_event(byte)
+        } else {
+            self.push_alone(byte)
         }
+    }
+
+    /// A byte with which a long candidate may end, or before which the reader goes on.
+    #[inline(never)]
+    fn push_at_event(&mut self, byte: StampedByte) -> u16 {
+        if self.position.is_multiple_of(READ_EVERY) {
+            // All that has ended is decided.
+            if Self::GUARDS {
+                self.read_on(self.position.wrapping_sub(HEADER_V2 as u32));
+            }
+            for block in [0, 32] {
+                *self.starts.at_mut((self.position + block) / 32) = 0;
+            }
+        }
+        let before = self.crc;
+        let own = [self.last, byte.byte];
+        let short = self.push_alone(byte);
+        let long = self.long_intact(remainder(before, own));
+        self.note_event();
+        short.max(long)
+    }
+
+    /// Finds the next event.
+    fn note_event(&mut self) {
+        let until_reading = self.position.wrapping_neg() % READ_EVERY;
+        let until_end = self.long_ones.until_end(self.position);
+        // The byte with which one ends is the one before its end.
+        let until = until_end.map_or(until_reading, |end| until_reading.min(end.saturating_sub(1)));
+        self.event = self.position.wrapping_add(until);
+    }
+
+    #[inline(always)]
+    fn push_alone(&mut self, StampedByte { stamp, byte }: StampedByte) -> u16 {
         let (before, last) = (self.crc, self.last);
         let cell = self.cells.at_mut(self.position);
         let due = *cell;
@@ -377,12 +406,6 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
         if last >= MAGIC_V2 {
             self.note_start(last);
         }
-        if self.position == self.long_ones.due {
-            let length = self.long_intact(remainder(before, [last, byte]));
-            if length != 0 {
-                return length;
-            }
-        }
         if due.word.0 < Word::END {
             return 0;
         }
@@ -390,6 +413,7 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
             let (candidate, remainder) = (Candidate(due.first), remainder(before, [last, byte]));
             if candidate.is_alone_and_not(remainder) {
                 self.counters.crc_failures = self.counters.crc_failures.wrapping_add(1);
+                self.forget_start(self.position.wrapping_sub(candidate.length().into()));
             } else {
                 let length = self.longest_intact(candidate, remainder);
                 if length != 0 {
@@ -400,7 +424,8 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
         if due.word.is_due(Word::HEADER_V1) {
             self.consider_v1();
         }
-        if due.word.is_due(Word::HEADER_V2) {
+        // The uppermost byte of an id is zero in every wanted one.
+        if due.word.is_due(Word::HEADER_V2) && byte == 0 {
             self.consider_v2();
         }
         0
@@ -415,8 +440,16 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
             MAGIC_V2 => (HEADER_V2, Word::HEADER_V2),
             _ => return,
         };
+        let start = self.position.wrapping_sub(2);
+        *self.starts.at_mut(start / 32) |= 1 << (start % 32);
         let ahead = header_len as u32 - 3;
         self.cells.at_mut(self.position.wrapping_add(ahead)).word.0 |= due;
+    }
+
+    /// The frame at `start` is damaged.
+    #[inline]
+    fn forget_start(&mut self, start: u32) {
+        *self.starts.at_mut(start / 32) &= !(1 << (start % 32));
     }
 
     /// The length of the longest intact candidate that ends with the last byte, 0
@@ -429,6 +462,7 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
             let start = self.position.wrapping_sub(u32::from(length));
             if candidate.remainder() != remainder {
                 self.counters.crc_failures = self.counters.crc_failures.wrapping_add(1);
+                self.forget_start(start);
             } else if self.is_found(start) {
                 longest = length.max(longest);
             }
@@ -440,15 +474,15 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
     }
 
     /// The same of the candidates with longer payloads than are known.
-    #[inline(never)]
     fn long_intact(&mut self, remainder: u16) -> u16 {
         let mut longest = 0;
         while let Some(Window { start, length }) = self.long_ones.pop(self.position) {
-            let extra = self.kind_at(start).map_or(0, |kind| kind.extra);
+            let extra = self.shape_at(start).map_or(0, Shape::extra);
             let covered = usize::from(length) - CRC_LEN;
             let crc = self.cells.at(start.wrapping_add(1)).word.crc();
             if crc::many_zeros(covered, crc ^ crc::INIT) ^ extra != remainder {
                 self.counters.crc_failures = self.counters.crc_failures.wrapping_add(1);
+                self.forget_start(start);
             } else if self.is_found(start) {
                 longest = length.max(longest);
             }
@@ -462,8 +496,8 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
         if self.is_taken(start) {
             return false;
         }
-        let is_guarded = Self::GUARDS && self.kind_at(start).is_some_and(|kind| kind.is_guarded);
-        let is_claimed = is_guarded && self.read_on(start);
+        let is_claimed =
+            Self::GUARDS && is_guarded(W::KINDS, self.id_at(start)) && self.read_on(start);
         if is_claimed {
             self.counters.claimed = self.counters.claimed.wrapping_add(1);
         }
@@ -480,6 +514,19 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
             if left <= 0 {
                 return left < 0;
             }
+            let (block, place) = (self.read_to / 32, self.read_to % 32);
+            let ahead = match self.starts.at(block) >> place {
+                0 => 32 - place,
+                starts => starts.trailing_zeros(),
+            };
+            if ahead >= left.unsigned_abs() {
+                self.read_to = to;
+                return false;
+            }
+            self.read_to = self.read_to.wrapping_add(ahead);
+            if place + ahead == 32 {
+                continue;
+            }
             match self.claim(self.read_to) {
                 Claim::None => self.read_to = self.read_to.wrapping_add(1),
                 Claim::Stands(length) => self.read_to = self.read_to.wrapping_add(length),
@@ -489,7 +536,6 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
         }
     }
 
-    #[inline]
     fn claim(&self, start: u32) -> Claim {
         let first = self.cells.at(start).word;
         let at = |nth: u32| self.byte(start.wrapping_add(nth));
@@ -501,7 +547,7 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
         };
         let length = (header_len + CRC_LEN) as u32 + u32::from(at(1));
         let signature_len = if is_signed { SIGNATURE_LEN as u32 } else { 0 };
-        if first.is_due(Word::INTACT) || self.kind_at(start).is_none() {
+        if first.is_due(Word::INTACT) || self.shape_at(start).is_none() {
             return Claim::Stands(length + signature_len);
         }
         let end = start.wrapping_add(length);
@@ -512,24 +558,31 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
         }
     }
 
-    /// The kind of the complete header at `start`, if it is a wanted one with a length that it can
-    /// have.
-    fn kind_at(&self, start: u32) -> Option<&'static Kind> {
+    /// The shape of the complete header at `start`, if it is of a wanted kind with a length that this
+    /// can have.
+    fn shape_at(&self, start: u32) -> Option<Shape> {
         let at = |nth: u32| self.byte(start.wrapping_add(nth));
-        let (version, id) = match at(0) {
-            MAGIC_V1 => (Version::V1, at(5)),
-            _ if at(8) == 0 && at(9) == 0 => (Version::V2, at(7)),
+        let version = match at(0) {
+            MAGIC_V1 => Version::V1,
+            _ if at(8) == 0 && at(9) == 0 => Version::V2,
             _ => return None,
         };
-        Self::kind(id).filter(|kind| kind.can_have(version, at(1)))
+        let shape = Self::shape(self.id_at(start));
+        shape.can_have(version, at(1)).then_some(shape)
     }
 
-    /// The wanted kind with that id.
+    /// The lowest byte of the id in the header at `start`.
+    const fn id_at(&self, start: u32) -> u8 {
+        let is_v1 = self.byte(start) == MAGIC_V1;
+        self.byte(start.wrapping_add(if is_v1 { 5 } else { 7 }))
+    }
+
+    /// The shape of the kind with that id.
     #[inline]
-    fn kind(id: u8) -> Option<&'static Kind> {
-        let places = const { &Self::PLACES };
-        let place = places.get(usize::from(id))?;
-        W::KINDS.get(usize::from(*place))
+    #[expect(clippy::indexing_slicing, reason = "there is one for each value of a byte")]
+    fn shape(id: u8) -> Shape {
+        let shapes = const { &Self::SHAPES };
+        shapes[usize::from(id)]
     }
 
     /// The last byte is the id of what may be a MAVLink 1 header.
@@ -539,13 +592,13 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
         self.consider(Version::V1, HEADER_V1, start, self.last);
     }
 
-    /// The last byte is the last one of the id of what may be a MAVLink 2 header.
-    /// The upper two are zero in every wanted one.
+    /// The last byte is the last one of the id of what may be a MAVLink 2 header, and 0. The middle
+    /// one is 0 in every wanted one, too.
     #[inline(never)]
     fn consider_v2(&mut self) {
         let start = self.position.wrapping_sub(HEADER_V2 as u32);
         let [id, middle] = [3, 2].map(|n| self.byte(self.position.wrapping_sub(n)));
-        if self.last == 0 && middle == 0 {
+        if middle == 0 {
             self.consider(Version::V2, HEADER_V2, start, id);
         }
     }
@@ -555,20 +608,20 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
     fn consider(&mut self, version: Version, header_len: usize, start: u32, id: u8) {
         let second = self.cells.at(start.wrapping_add(1)).word;
         let len = second.byte();
-        let Some(kind) = Self::kind(id) else {
-            return;
-        };
-        if !kind.can_have(version, len) {
+        let shape = Self::shape(id);
+        if !shape.can_have(version, len) {
             return;
         }
         if version == Version::V2 && self.byte(start.wrapping_add(2)) & !SIGNED != 0 {
             self.counters.unknown_flags = self.counters.unknown_flags.wrapping_add(1);
             return;
         }
-        if len > PAYLOAD as u8 {
-            let length = (header_len + CRC_LEN) as u16 + u16::from(len);
-            self.long_ones.push(Window { start, length }, self.position);
-            return;
+        let is_long = match version {
+            Version::V1 => len != shape.v1_len(),
+            Version::V2 => len > PAYLOAD as u8,
+        };
+        if is_long {
+            return self.await_long_one(start, header_len, len);
         }
         // The magic is not in the checksum. The sender's register after the payload and the
         // extra byte is known except for the payload's own part: that is the remainder that this
@@ -581,7 +634,7 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
                 crc::many_zeros
             }
         };
-        let remainder = zeros(length - CRC_LEN, second.crc() ^ crc::INIT) ^ kind.extra;
+        let remainder = zeros(length - CRC_LEN, second.crc() ^ crc::INIT) ^ shape.extra();
 
         let mut candidate = u32::from(remainder) | (length as u32) << 16;
         let end = self.cells.at_mut(start.wrapping_add(length as u32 - 1));
@@ -591,6 +644,14 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
         }
         end.first = candidate;
         end.word.0 |= Word::END;
+    }
+
+    /// Awaits a candidate with a longer payload than is known.
+    #[inline(never)]
+    fn await_long_one(&mut self, start: u32, header_len: usize, len: u8) {
+        let length = (header_len + CRC_LEN) as u16 + u16::from(len);
+        self.long_ones.push(Window { start, length });
+        self.note_event();
     }
 
     /// When the last byte arrived; `None` if nothing can have begun, because no byte has come
@@ -609,7 +670,6 @@ impl<W: Wanted, const PAYLOAD: usize, const RING: usize, const ENDS: usize>
         self.given_up_at = self.position;
         self.read_to = self.position;
         let long_ones = core::mem::replace(&mut self.long_ones, LongOnes::NONE);
-        self.long_ones.due = self.position.wrapping_sub(1);
         self.counters.abandoned = self.counters.abandoned.wrapping_add(long_ones.count as u32);
         for ahead in 0..Self::MAX_LENGTH as u32 {
             let word = &mut self.cells.at_mut(self.position.wrapping_add(ahead)).word;

@@ -9,7 +9,7 @@ mod mavlink_line;
 use mavlink_frames::Frame;
 use mavlink_line::{Board, GROUND, TIME, US, ask, feed, node, parsed};
 use mavlink_node::client::{Client, Message};
-use mavlink_node::{Command, Described, Order, Refusal, RequestKind, Test, Version};
+use mavlink_node::{Command, Described, Fix, Node, Order, Refusal, RequestKind, Test, Version};
 
 const OURS: [u8; 2] = [1, 1];
 
@@ -90,8 +90,8 @@ fn the_clients_commands_are_obeyed() {
 
 #[test]
 fn commands_to_us_are_refused_whatever_their_number() {
-    // GET_HOME_POSITION, and numbers that are not assigned.
-    for number in [410, 511, 521, 0, 6, 49_999, u16::MAX] {
+    // Of others, and numbers that are not assigned.
+    for number in [400, 511, 521, 0, 6, 49_999, u16::MAX] {
         for frame in [
             Frame::command_long(false, number, OURS),
             Frame::command_long(true, number, OURS),
@@ -176,6 +176,8 @@ fn versions_are_told_to_who_asks() {
                 }
                 // MAVLink 1.0 to 2.0.
                 Described::Protocol => Frame::message(true, 300, 217, vec![200, 0, 100, 0, 200, 0]),
+                // With its own test.
+                Described::Home => continue,
             };
             let expected = Frame {
                 sequence: 1,
@@ -196,5 +198,50 @@ fn versions_are_told_to_who_asks() {
             RequestKind::Command(Command { number, meaning })
         );
         assert!(!node.has_more());
+    }
+}
+
+#[test]
+fn home_is_where_the_first_fix_was() {
+    for (number, param1) in [(410, 0.0), (512, 242.0)] {
+        for v2 in [false, true] {
+            let mut node = node();
+            let bytes = command(true, v2, number, param1).bytes();
+            let meaning_of = |node: &mut Node| match ask(node, &bytes).kind {
+                RequestKind::Command(command) => command.meaning,
+                other => panic!("{other:?}"),
+            };
+            assert_eq!(meaning_of(&mut node), Err(Refusal::NotYet));
+            assert!(!node.has_more());
+            let mut fix = Fix {
+                fix_type: 2,
+                fix_ok: true,
+                latitude_1e7_deg: 473_977_420,
+                longitude_1e7_deg: 85_455_940,
+                height_msl_mm: 488_100,
+                ..Fix::default()
+            };
+            // A fix without a height is no home, and one that comes later is no other.
+            node.gps_raw_int(TIME, Some(&fix));
+            assert_eq!(meaning_of(&mut node), Err(Refusal::NotYet));
+            fix.fix_type = 3;
+            node.gps_raw_int(TIME, Some(&fix));
+            fix.latitude_1e7_deg = 0;
+            node.gps_raw_int(TIME, Some(&fix));
+            assert_eq!(meaning_of(&mut node), Ok(Order::Describe(Described::Home)));
+            let mut payload = 473_977_420_i32.to_le_bytes().to_vec();
+            payload.extend(85_455_940_i32.to_le_bytes());
+            payload.extend(488_100_i32.to_le_bytes());
+            payload.extend(f32::NAN.to_le_bytes().repeat(10));
+            let frame = node.poll(&Board::of(0)).expect("the message");
+            assert!(!node.has_more());
+            let expected = Frame {
+                sequence: 3,
+                system: 1,
+                component: 1,
+                ..Frame::message(v2, 242, 104, payload)
+            };
+            assert_eq!(*frame, expected.bytes());
+        }
     }
 }

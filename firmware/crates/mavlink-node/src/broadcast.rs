@@ -86,6 +86,9 @@ impl Node {
     /// GPS_RAW_INT; `time` is the node's time of the fix. Without one, the message says that no
     /// receiver is connected.
     pub fn gps_raw_int(&mut self, time: NodeTime, fix: Option<&Fix>) -> Frame {
+        if let Some(fix) = fix {
+            self.told.note_fix(fix);
+        }
         let gps_raw_int = GPS_RAW_INT_DATA {
             time_usec: time.rtos_us(),
             ..fix.map_or(UNKNOWN, gps_raw_int)

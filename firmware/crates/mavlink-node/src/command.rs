@@ -3,7 +3,7 @@
 //! *Purpose.* MAV_CMD_USER_1 (31010) with 0 as its first parameter begins a test: the
 //! log of PINGs is cleared and records. With 1 the test ends: the log is frozen, and
 //! written to the card if there is one. MAV_CMD_REQUEST_MESSAGE (512) asks for AUTOPILOT_VERSION
-//! (148) or PROTOCOL_VERSION (300), and so do the older commands 520 and 519.
+//! (148), PROTOCOL_VERSION (300) or HOME_POSITION (242), and so do the older commands 520, 519 and 410.
 //!
 //! *Design.* Parsed from the raw payload, since the type in `mavlink` has no value for commands
 //! that it does not know, and these have to be refused.
@@ -15,7 +15,9 @@ use core::error::Error;
 use core::fmt;
 
 use mavlink::MessageData;
-use mavlink::dialects::common::{AUTOPILOT_VERSION_DATA, COMMAND_ACK_DATA, MavResult};
+use mavlink::dialects::common::{
+    AUTOPILOT_VERSION_DATA, COMMAND_ACK_DATA, HOME_POSITION_DATA, MavResult,
+};
 use sample_log::Test;
 
 use crate::frame::{Address, Frame, Sender, Version};
@@ -24,7 +26,9 @@ use crate::told::{Described, PROTOCOL_VERSION};
 /// MAV_CMD_USER_1.
 pub(crate) const USER_1: u16 = 31_010;
 
-/// MAV_CMD_REQUEST_MESSAGE, _REQUEST_PROTOCOL_VERSION, _REQUEST_AUTOPILOT_CAPABILITIES.
+/// MAV_CMD_GET_HOME_POSITION, _REQUEST_MESSAGE, _REQUEST_PROTOCOL_VERSION,
+/// _REQUEST_AUTOPILOT_CAPABILITIES.
+const GET_HOME_POSITION: u16 = 410;
 const REQUEST_MESSAGE: u16 = 512;
 const REQUEST_PROTOCOL_VERSION: u16 = 519;
 const REQUEST_AUTOPILOT_CAPABILITIES: u16 = 520;
@@ -49,6 +53,8 @@ pub enum Refusal {
     Unsupported,
     /// The number is known, its first parameter is not (MAV_RESULT_DENIED).
     Denied,
+    /// What is asked for is not known yet (MAV_RESULT_TEMPORARILY_REJECTED).
+    NotYet,
 }
 
 impl fmt::Display for Refusal {
@@ -56,6 +62,7 @@ impl fmt::Display for Refusal {
         f.write_str(match self {
             Self::Unsupported => "the command is not supported",
             Self::Denied => "the command does not have this parameter",
+            Self::NotYet => "what is asked for is not known yet",
         })
     }
 }
@@ -97,6 +104,10 @@ impl Command {
             REQUEST_MESSAGE if param1 == PROTOCOL_VERSION as f32 => {
                 describe(Described::Protocol, true)
             }
+            REQUEST_MESSAGE if param1 == HOME_POSITION_DATA::ID as f32 => {
+                describe(Described::Home, true)
+            }
+            GET_HOME_POSITION => describe(Described::Home, true),
             REQUEST_MESSAGE => describe(
                 Described::Autopilot,
                 param1 == AUTOPILOT_VERSION_DATA::ID as f32,
@@ -116,6 +127,7 @@ impl Command {
             Ok(_) => MavResult::MAV_RESULT_ACCEPTED,
             Err(Refusal::Unsupported) => MavResult::MAV_RESULT_UNSUPPORTED,
             Err(Refusal::Denied) => MavResult::MAV_RESULT_DENIED,
+            Err(Refusal::NotYet) => MavResult::MAV_RESULT_TEMPORARILY_REJECTED,
         } as u8;
         // u16 command, u8 result; extensions: u8 progress, i32 result_param2,
         // u8 target_system, u8 target_component.

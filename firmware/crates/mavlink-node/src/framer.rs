@@ -387,7 +387,9 @@ impl<W: Wanted, const PAYLOAD: usize, const ENDS: usize> Framer<W, PAYLOAD, ENDS
         let until_reading = self.position.wrapping_neg() % READ_EVERY;
         let until_end = self.long_ones.until_end(self.position);
         // The byte with which one ends is the one before its end.
-        let until = until_end.map_or(until_reading, |end| until_reading.min(end.saturating_sub(1)));
+        let until = until_end.map_or(until_reading, |end| {
+            until_reading.min(end.saturating_sub(1))
+        });
         self.event = self.position.wrapping_add(until);
     }
 
@@ -579,7 +581,10 @@ impl<W: Wanted, const PAYLOAD: usize, const ENDS: usize> Framer<W, PAYLOAD, ENDS
 
     /// The shape of the kind with that id.
     #[inline]
-    #[expect(clippy::indexing_slicing, reason = "there is one for each value of a byte")]
+    #[expect(
+        clippy::indexing_slicing,
+        reason = "there is one for each value of a byte"
+    )]
     fn shape(id: u8) -> Shape {
         let shapes = const { &Self::SHAPES };
         shapes[usize::from(id)]

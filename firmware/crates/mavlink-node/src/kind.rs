@@ -47,9 +47,7 @@ impl Shape {
     pub(crate) const fn can_have(self, version: Version, len: u8) -> bool {
         let v2_min_len = (self.0 >> 24) as u8;
         match version {
-            Version::V1 => {
-                v2_min_len != 0 && self.v1_len() <= len && self.v1_len() != Self::NEVER
-            }
+            Version::V1 => v2_min_len != 0 && self.v1_len() <= len && self.v1_len() != Self::NEVER,
             Version::V2 => v2_min_len != 0 && v2_min_len <= len,
         }
     }

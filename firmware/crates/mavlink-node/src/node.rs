@@ -33,7 +33,7 @@ use mavlink::dialects::common::{
 use sample_log::Test;
 use timebase::{CORE_HZ, Cycles, StampedByte};
 
-use crate::command::{Command, Order};
+use crate::command::{Command, Order, Refusal};
 use crate::frame::{Address, Frame, Sender, Version};
 use crate::framer::{Delimited, Framer, FramingCounters};
 use crate::log_transfer::{LOG_ID, LogFile, LogTransfer};
@@ -125,7 +125,7 @@ pub struct Node {
     pub(crate) version: Version,
     parameters: PendingParameters,
     log: LogTransfer,
-    told: PendingTold,
+    pub(crate) told: PendingTold,
     counters: Counters,
 }
 
@@ -277,8 +277,11 @@ impl Node {
         *count = count.wrapping_add(1);
         match id {
             COMMAND_LONG_DATA::ID | COMMAND_INT_DATA::ID => {
-                let command = Command::parse(payload)?;
+                let mut command = Command::parse(payload)?;
                 match command.meaning {
+                    Ok(Order::Describe(what)) if !self.told.is_known(what) => {
+                        command.meaning = Err(Refusal::NotYet);
+                    }
                     Ok(Order::Test(Test::Begins)) => self.log.end(),
                     Ok(Order::Describe(what)) => self.told.want(what, version),
                     Ok(Order::Test(Test::Ends)) | Err(_) => {}

@@ -1,7 +1,8 @@
 //! Answers of one frame that say what a node is, and what it does not have.
 //!
 //! *Purpose.* Clients ask for these when they connect, and repeat what is not answered: for the
-//! versions of autopilot and protocol, for a mission, for files, for parameters that are not there.
+//! versions of autopilot and protocol, for its home, for a mission, for files, for parameters that are
+//! not there.
 //!
 //! *Design.* A request is noted, one of each kind: a client asks for one thing at a time. The frame is
 //! made when the line has room ([`Node::poll`](crate::Node::poll)).
@@ -11,9 +12,11 @@
 
 use mavlink::MessageData;
 use mavlink::dialects::common::{
-    AUTOPILOT_VERSION_DATA, FILE_TRANSFER_PROTOCOL_DATA, MISSION_COUNT_DATA, MavParamError,
-    MavProtocolCapability, PARAM_ERROR_DATA,
+    AUTOPILOT_VERSION_DATA, FILE_TRANSFER_PROTOCOL_DATA, HOME_POSITION_DATA, MISSION_COUNT_DATA,
+    MavParamError, MavProtocolCapability, PARAM_ERROR_DATA,
 };
+
+use timebase::Fix;
 
 use crate::frame::{Address, Frame, Sender, Version};
 use crate::parameter::Name;
@@ -29,6 +32,8 @@ pub enum Described {
     Autopilot,
     /// PROTOCOL_VERSION: the versions of MAVLink that it speaks.
     Protocol,
+    /// HOME_POSITION: where this node was at its first fix.
+    Home,
 }
 
 /// Why a parameter was not read or set.
@@ -125,11 +130,41 @@ impl FileAsked {
     }
 }
 
+/// A position.
+#[derive(Clone, Copy, Debug)]
+struct Home {
+    latitude_1e7_deg: i32,
+    longitude_1e7_deg: i32,
+    height_msl_mm: i32,
+}
+
+impl Home {
+    /// Where it is in a local frame, and how the ground lies there, is not known, which is NaN.
+    const fn message(self) -> HOME_POSITION_DATA {
+        HOME_POSITION_DATA {
+            latitude: self.latitude_1e7_deg,
+            longitude: self.longitude_1e7_deg,
+            altitude: self.height_msl_mm,
+            x: f32::NAN,
+            y: f32::NAN,
+            z: f32::NAN,
+            q: [f32::NAN; 4],
+            approach_x: f32::NAN,
+            approach_y: f32::NAN,
+            approach_z: f32::NAN,
+            ..HOME_POSITION_DATA::DEFAULT
+        }
+    }
+}
+
 /// What is still to be told.
 #[derive(Debug)]
 pub(crate) struct PendingTold {
-    pub(crate) autopilot: Option<Version>,
-    pub(crate) protocol: bool,
+    autopilot: Option<Version>,
+    protocol: bool,
+    home_asked: Option<Version>,
+    /// Where the first fix was.
+    home: Option<Home>,
     pub(crate) parameter: Option<FailedParameter>,
     pub(crate) mission: Option<MissionAsked>,
     pub(crate) file: Option<FileAsked>,
@@ -139,6 +174,8 @@ impl PendingTold {
     pub(crate) const NONE: Self = Self {
         autopilot: None,
         protocol: false,
+        home_asked: None,
+        home: None,
         parameter: None,
         mission: None,
         file: None,
@@ -148,6 +185,8 @@ impl PendingTold {
         let Self {
             autopilot: None,
             protocol: false,
+            home_asked: None,
+            home: _,
             parameter: None,
             mission: None,
             file: None,
@@ -162,6 +201,26 @@ impl PendingTold {
         match what {
             Described::Autopilot => self.autopilot = Some(version),
             Described::Protocol => self.protocol = true,
+            Described::Home => self.home_asked = Some(version),
+        }
+    }
+
+    /// Whether it can be told now.
+    pub(crate) const fn is_known(&self, what: Described) -> bool {
+        match what {
+            Described::Autopilot | Described::Protocol => true,
+            Described::Home => self.home.is_some(),
+        }
+    }
+
+    /// Keeps the first fix in three dimensions.
+    pub(crate) fn note_fix(&mut self, fix: &Fix) {
+        if self.home.is_none() && fix.fix_ok && matches!(fix.fix_type, 3 | 4) {
+            self.home = Some(Home {
+                latitude_1e7_deg: fix.latitude_1e7_deg,
+                longitude_1e7_deg: fix.longitude_1e7_deg,
+                height_msl_mm: fix.height_msl_mm,
+            });
         }
     }
 
@@ -172,6 +231,11 @@ impl PendingTold {
         }
         if core::mem::take(&mut self.protocol) {
             return Some(protocol_version(sender));
+        }
+        if let Some(version) = self.home_asked.take()
+            && let Some(home) = self.home
+        {
+            return Some(sender.message(version, &home.message()));
         }
         if let Some(failed) = self.parameter.take() {
             return Some(sender.message(Version::V2, &parameter_error(&failed)));

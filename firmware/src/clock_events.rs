@@ -47,6 +47,11 @@ pub enum ClockEvent {
         /// Samples in it.
         samples: u32,
     },
+    /// The log of a test is being written to the card.
+    Saving {
+        /// For how long already. \[s\]
+        for_s: u64,
+    },
     /// The log of a test is not on the card; it still is in memory.
     NotSaved(NotSaved),
 }

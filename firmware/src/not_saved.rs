@@ -1,36 +1,41 @@
 //! Why a log is not on the card.
 
+use defmt::{Format, Formatter};
+
 /// Why a log is not on the card.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NotSaved {
     /// This board has no slot for a card.
     NoSlot,
     /// There is no card in the slot.
     NoCard,
-    /// The card has no FAT16 or FAT32 volume in its first partition, or a damaged one.
-    NotFat,
-    /// The card is write-protected.
-    WriteProtected,
-    /// The card has no room, or no number, for the file.
-    Full,
-    /// The card was pulled, or replaced.
-    Pulled,
-    /// The card fails.
-    Failed,
-    /// A new test began meanwhile, and the log is that test's.
-    Cleared,
+    /// Of the card, or of what is on it.
+    Card(card_file::NotSaved),
+}
+
+impl NotSaved {
+    /// What is wrong and what to do, in at most 35 characters.
+    pub const fn advice(self) -> &'static str {
+        match self {
+            Self::NoSlot => "this board has no card slot",
+            Self::NoCard => "no card in the slot",
+            Self::Card(why) => why.advice(),
+        }
+    }
 }
 
 impl From<card_file::NotSaved> for NotSaved {
     fn from(why: card_file::NotSaved) -> Self {
-        use card_file::NotSaved as Why;
-        match why {
-            Why::NotFat => Self::NotFat,
-            Why::WriteProtected => Self::WriteProtected,
-            Why::Full => Self::Full,
-            Why::Gone => Self::Pulled,
-            Why::Failed => Self::Failed,
-            Why::Short => Self::Cleared,
+        Self::Card(why)
+    }
+}
+
+impl Format for NotSaved {
+    fn format(&self, f: Formatter<'_>) {
+        match self {
+            Self::NoSlot => defmt::write!(f, "NoSlot"),
+            Self::NoCard => defmt::write!(f, "NoCard"),
+            Self::Card(why) => why.format(f),
         }
     }
 }

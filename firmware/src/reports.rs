@@ -14,6 +14,7 @@ use crate::drivers::card::CardErrors;
 use crate::drivers::pulse::EdgeCounters;
 use crate::drivers::uart::LineErrors;
 use crate::latest::Latest;
+use crate::not_saved::NotSaved;
 
 /// The last report of the GNSS task.
 pub static GNSS: Latest<GnssReport> = Latest::new();
@@ -22,7 +23,16 @@ pub static GNSS: Latest<GnssReport> = Latest::new();
 pub static MAVLINK: Latest<MavlinkReport> = Latest::new();
 
 /// What has gone wrong with the card, as of its last use.
-pub static CARD: Latest<CardErrors> = Latest::new();
+pub static CARD: Latest<CardReport> = Latest::new();
+
+/// What thread level knows of the card.
+#[derive(Clone, Copy)]
+pub struct CardReport {
+    /// What failed since boot.
+    pub errors: CardErrors,
+    /// Why the last log is not on it.
+    pub not_saved: Option<NotSaved>,
+}
 
 /// What the GNSS task has counted and seen.
 #[derive(Clone, Copy)]

@@ -19,14 +19,23 @@ use crate::thread;
 /// The log is to be written to the card.
 static SAVE_WANTED: AtomicBool = AtomicBool::new(false);
 
+/// A save that runs is to end.
+static STOP_WANTED: AtomicBool = AtomicBool::new(false);
+
 /// Whether the log is to be written to the card.
 pub fn is_save_wanted() -> bool {
     SAVE_WANTED.load(Relaxed)
 }
 
+/// Whether a save that runs is to end.
+pub fn is_stop_wanted() -> bool {
+    STOP_WANTED.load(Relaxed)
+}
+
 /// The log is going to be written now.
 pub fn begin_save() {
     SAVE_WANTED.store(false, Relaxed);
+    STOP_WANTED.store(false, Relaxed);
 }
 
 /// The board's log.

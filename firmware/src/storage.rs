@@ -3,7 +3,8 @@
 //! *Design.* This may block, so it stands below every interrupt. The card is searched for at each use,
 //! so it may have been put in a moment before; its contents are the business of [`card_file`]. If the
 //! card fails in any way, the log stays in memory, and the same command tries again. The file's time is
-//! the clock's, in UTC.
+//! the clock's, in UTC. A save is told each 5 s, can be stopped, and ends by itself within a minute:
+//! its blocks are counted against a deadline that leaves room for the last one.
 
 use card_file::{BLOCK, Disk, DiskError};
 use sample_log::csv;
@@ -14,9 +15,15 @@ use crate::drivers::card::{Card, CardError};
 use crate::drivers::sdio::BusError;
 use crate::drivers::time;
 use crate::not_saved::NotSaved;
-use crate::reports::CARD;
+use crate::reports::{CARD, CardReport};
 use crate::samples::{self, SAMPLES};
 use crate::{clock, thread};
+
+/// No block begins later than this: a minute, less the 5 s that three attempts at one can take.
+const LIMIT: Cycles = Cycles::from_micros(55_000_000);
+
+/// From one word about a save to the next.
+const TOLD_EVERY: Cycles = Cycles::from_micros(5_000_000);
 
 /// Runs forever.
 pub fn run(mut slot: Option<Card>) -> ! {
@@ -24,10 +31,15 @@ pub fn run(mut slot: Option<Card>) -> ! {
         thread::sleep_until(samples::is_save_wanted);
         samples::begin_save();
         let began = time::now();
-        let saved = slot.as_mut().map_or(Err(NotSaved::NoSlot), save);
+        let saved = slot
+            .as_mut()
+            .map_or(Err(NotSaved::NoSlot), |card| save(card, began));
         let took_us = Cycles(time::now().0.wrapping_sub(began.0)).as_micros();
         if let Some(card) = &slot {
-            CARD.set(card.errors());
+            CARD.set(CardReport {
+                errors: card.errors(),
+                not_saved: saved.err(),
+            });
         }
         let event = match saved {
             Ok((file, samples)) => {
@@ -50,15 +62,24 @@ pub fn run(mut slot: Option<Card>) -> ! {
 
 /// Writes the log to the card in the slot, and returns the number of the file and its samples.
 #[inline(never)]
-fn save(card: &mut Card) -> Result<(u16, u32), NotSaved> {
+fn save(card: &mut Card, began: Cycles) -> Result<(u16, u32), NotSaved> {
     let samples = SAMPLES.len();
     let saved = match card.find() {
         Err(CardError::Bus(BusError::Silent)) => Err(NotSaved::NoCard),
-        Err(_) => Err(NotSaved::Failed),
-        Ok(()) if card.is_write_protected() => Err(NotSaved::WriteProtected),
-        Ok(()) => card_file::save(card, csv::file_len(samples), &mut read_frozen, utc())
-            .map(|file| (file, samples))
-            .map_err(NotSaved::from),
+        Err(_) => Err(NotSaved::Card(card_file::NotSaved::Failed)),
+        Ok(()) if card.is_write_protected() => {
+            Err(NotSaved::Card(card_file::NotSaved::WriteProtected))
+        }
+        Ok(()) => {
+            let mut timed = Timed {
+                card,
+                began,
+                told: began,
+            };
+            card_file::save(&mut timed, csv::file_len(samples), &mut read_frozen, utc())
+                .map(|file| (file, samples))
+                .map_err(NotSaved::from)
+        }
     };
     card.release();
     saved
@@ -83,17 +104,47 @@ fn utc() -> Option<CivilTime> {
     }
 }
 
-impl Disk for Card {
+/// A card that has a minute.
+struct Timed<'a> {
+    card: &'a mut Card,
+    began: Cycles,
+    told: Cycles,
+}
+
+impl Timed<'_> {
+    /// Before each block.
+    #[inline(never)]
+    fn go_on(&mut self) -> Result<(), DiskError> {
+        let now = time::now();
+        let is_over = |since: Cycles, limit: Cycles| now.0.wrapping_sub(since.0) >= limit.0;
+        if samples::is_stop_wanted() {
+            return Err(DiskError::Stopped);
+        }
+        if is_over(self.began, LIMIT) {
+            return Err(DiskError::TooSlow);
+        }
+        if is_over(self.told, TOLD_EVERY) {
+            self.told = self.told.plus(TOLD_EVERY.0);
+            let for_s = Cycles(self.told.0.wrapping_sub(self.began.0)).as_micros() / 1_000_000;
+            clock_events::push(ClockEvent::Saving { for_s });
+        }
+        Ok(())
+    }
+}
+
+impl Disk for Timed<'_> {
     fn read(&mut self, number: u32, block: &mut [u8; BLOCK]) -> Result<(), DiskError> {
-        Card::read(self, number, block).map_err(disk_error)
+        self.go_on()?;
+        self.card.read(number, block).map_err(disk_error)
     }
 
     fn write(&mut self, number: u32, block: &[u8; BLOCK]) -> Result<(), DiskError> {
-        Card::write(self, number, block).map_err(disk_error)
+        self.go_on()?;
+        self.card.write(number, block).map_err(disk_error)
     }
 
     fn blocks(&self) -> u32 {
-        Card::blocks(self)
+        self.card.blocks()
     }
 }
 

@@ -11,10 +11,9 @@ use embassy_time::{Duration, Ticker};
 use utc_clock::{ClockState, Reading};
 
 use crate::clock;
-use crate::drivers::card::CardErrors;
 use crate::drivers::time;
 use crate::logger;
-use crate::reports::{CARD, GNSS, GnssReport, MAVLINK, MavlinkReport};
+use crate::reports::{CARD, CardReport, GNSS, GnssReport, MAVLINK, MavlinkReport};
 use crate::settings::VARIANT;
 
 /// Runs forever, on the low executor.
@@ -186,12 +185,15 @@ impl Format for Mavlink {
 }
 
 /// What went wrong with the card.
-struct Slot(Option<CardErrors>);
+struct Slot(Option<CardReport>);
 
 impl Format for Slot {
     fn format(&self, f: Formatter) {
-        let Some(errors) = self.0 else { return };
-        nonzero!(f, errors, {
+        let Some(report) = self.0 else { return };
+        if let Some(why) = report.not_saved {
+            defmt::write!(f, " card={}", why);
+        }
+        nonzero!(f, report.errors, {
             "card_silent": silent,
             "card_crc": crc,
             "card_timeout": timeout,

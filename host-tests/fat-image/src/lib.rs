@@ -1,6 +1,7 @@
 //! Images of memory cards, made and read by `fatfs`: another hand than the firmware's.
 //!
-//! *Purpose.* A card is formatted with it, the firmware writes to it, and the files are read.
+//! *Purpose.* A card is formatted with it, the firmware writes to it, and the files are read. A
+//! [`Census`] knows which blocks are whose, and judges what is written.
 //!
 //! *Limits.* What cannot be done is a panic, but for reading with [`contents`]: of formatting only
 //! the machine's memory can be in the way, and of the rest tests are the only users.
@@ -9,6 +10,10 @@
     clippy::missing_panics_doc,
     reason = "in memory formatting cannot fail, and the rest is for tests, which a panic fails"
 )]
+
+mod census;
+
+pub use census::{Block, Census, Foreign, Item};
 
 use std::collections::BTreeMap;
 use std::io::{self, Cursor, Read as _, Write as _};

@@ -15,6 +15,10 @@ pub enum DiskError {
     WriteProtected,
     /// The card has no such block.
     Beyond,
+    /// All of it takes longer than it may.
+    TooSlow,
+    /// Somebody has asked to stop.
+    Stopped,
     /// Anything else.
     Failed,
 }
@@ -45,6 +49,8 @@ impl fmt::Display for DiskError {
             Self::Gone => "the card is gone, or another one has been put in",
             Self::WriteProtected => "the card is write-protected",
             Self::Beyond => "the card has no such block",
+            Self::TooSlow => "the card takes too long",
+            Self::Stopped => "it was to stop",
             Self::Failed => "the card fails",
         })
     }

@@ -5,16 +5,18 @@
 //!
 //! - [`Disk`], the card: blocks of 512 bytes, which the user of this crate reads and writes;
 //! - [`save`], which writes the file and returns the number in its name;
-//! - [`NotSaved`], the reason if it could not.
+//! - [`NotSaved`], the reason if it could not;
+//! - [`look`], which says what would become of it, and writes nothing.
 //!
-//! *Design.* `volume.rs` checks the card before anything is written, `medium.rs` guards each
-//! access, and the file system is `embedded-sdmmc`'s. The card is a trait object, so that all of
-//! this is compiled once, for size. On a host it is tested with damaged images and with cards that
-//! fail at any block.
+//! *Design.* A card is believed as far as it was checked. [`save`] first looks round: `partition.rs`
+//! finds the volume, `volume.rs` holds its boot record against everything that repeats it, `root.rs`
+//! reads the root, `table.rs` finds clusters that both tables call free. Only then `file.rs` writes,
+//! to those clusters and to unused entries, and says "saved" when entry, chain and contents have been
+//! read back. The card is a trait object, so that all of this is compiled once, for size. Each loop
+//! ends, whatever is on the card.
 //!
-//! *Limits.* A card that is pulled while it is written keeps an empty file of that name, and lost
-//! blocks that a check of its file system frees. A directory that was damaged before may lose
-//! files.
+//! *Limits.* Files go into the root. A card that is pulled while it is written has lost clusters at
+//! worst, and two tables that differ, which a check of its file system mends.
 //!
 //! ```
 //! use card_file::{BLOCK, Disk, DiskError, NotSaved, save};
@@ -55,7 +57,7 @@
 //! // A card that was never formatted is left as it is.
 //! let mut empty = Image(vec![[0; BLOCK]; 4_096]);
 //! let refused = save(&mut empty, 100, &mut read, None);
-//! assert_eq!(refused, Err(NotSaved::NotFat));
+//! assert_eq!(refused, Err(NotSaved::NoFileSystem));
 //! ```
 #![no_std]
 #![forbid(unsafe_code)]
@@ -67,22 +69,24 @@
 )]
 
 mod bytes;
+mod checksum;
 mod disk;
-mod medium;
+mod file;
 mod name;
 mod not_saved;
+mod partition;
+mod root;
+mod table;
 mod volume;
 
-use core::ops::ControlFlow;
-
-use embedded_sdmmc::{Mode, TimeSource, Timestamp, VolumeIdx, VolumeManager};
 use timebase::CivilTime;
 
 pub use self::disk::{BLOCK, Disk, DiskError};
 pub use self::not_saved::NotSaved;
 
-use self::medium::Medium;
-use self::volume::Volume;
+use self::file::Plan;
+use self::table::{FreeClusters, Tables};
+use self::volume::FIRST_CLUSTER;
 
 /// Writes a new file of `len` bytes, and returns the number in its name.
 ///
@@ -91,85 +95,76 @@ use self::volume::Volume;
 ///
 /// # Errors
 ///
-/// Why there is no file.
+/// Why there is no file. Nothing was written unless the card fails, does not keep what it took, or
+/// is stopped.
 pub fn save(
     disk: &mut dyn Disk,
     len: u32,
     read: &mut dyn FnMut(u32, &mut [u8]) -> usize,
     written: Option<CivilTime>,
 ) -> Result<u16, NotSaved> {
-    let volume = Volume::on(disk)?;
-    if !volume.has_room(disk, len)? {
-        return Err(NotSaved::Full);
-    }
-    let medium = Medium::new(disk, volume);
-    let volumes = Volumes::new_with_limits(medium, Written(written), 0);
-    let saved = write(&volumes, len, read);
-    // The failure of the disk is more exact than the file system's error that follows from it.
-    match volumes.device(|medium| medium.failure()) {
-        Some(failure) => Err(failure.into()),
-        None => saved,
-    }
+    plan(disk, len)?.write(read, date_and_time(written))
 }
 
-/// One volume, one directory and one file at a time.
-type Volumes<'a> = VolumeManager<Medium<'a>, Written, 1, 1, 1>;
-
-fn write(
-    volumes: &Volumes<'_>,
-    len: u32,
-    read: &mut dyn FnMut(u32, &mut [u8]) -> usize,
-) -> Result<u16, NotSaved> {
-    let volume = volumes.open_volume(VolumeIdx(0))?;
-    let root = volume.open_root_dir()?;
-    let mut last = 0;
-    root.iterate_dir(|entry| {
-        let number = name::number(entry.name.base_name(), entry.name.extension());
-        last = last.max(number.unwrap_or(0));
-        ControlFlow::Continue(())
-    })?;
-    let number = last + 1;
-    let name = name::of(number).ok_or(NotSaved::Full)?;
-    let file = root.open_file_in_dir(name.as_str(), Mode::ReadWriteCreate)?;
-    let mut offset = 0;
-    let mut block = [0; BLOCK];
-    while offset < len {
-        let wanted = (len - offset).min(BLOCK as u32);
-        let made = read(offset, &mut block);
-        let stretch = block.get(..made.min(wanted as usize)).unwrap_or_default();
-        if stretch.len() < wanted as usize {
-            return Err(NotSaved::Short);
-        }
-        file.write(stretch)?;
-        offset += wanted;
-    }
-    file.close()?;
-    root.close()?;
-    volume.close()?;
-    Ok(number)
+/// Where a file would go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Found {
+    /// The number in the file's name.
+    pub file: u16,
+    /// The volume's first block on the card.
+    pub first_block: u32,
+    /// The volume's length. \[blocks\]
+    pub blocks: u32,
+    /// Whether it is FAT32, and not FAT16.
+    pub is_fat32: bool,
+    /// How many tables there are.
+    pub tables: u32,
+    /// The size of a cluster. \[bytes\]
+    pub cluster_bytes: u32,
+    /// How many clusters there are.
+    pub clusters: u32,
+    /// How many of them both tables call free.
+    pub free_clusters: u32,
 }
 
-/// The time of a file; if it is not known, the beginning of FAT's time.
-struct Written(Option<CivilTime>);
+/// Says where a file of `len` bytes would go, and writes nothing.
+///
+/// # Errors
+///
+/// Why there would be no file.
+pub fn look(disk: &mut dyn Disk, len: u32) -> Result<Found, NotSaved> {
+    let plan = plan(disk, len)?;
+    let file = plan.number();
+    let mut tables = plan.into_tables();
+    let volume = tables.volume;
+    let all = FreeClusters::from(FIRST_CLUSTER, volume.clusters);
+    Ok(Found {
+        file,
+        first_block: volume.stretch().first,
+        blocks: volume.stretch().blocks,
+        is_fat32: volume.has_32_bits,
+        tables: volume.tables,
+        cluster_bytes: volume.cluster_bytes(),
+        clusters: volume.clusters,
+        free_clusters: tables.count(all, volume.clusters)?,
+    })
+}
 
-impl TimeSource for Written {
-    fn get_timestamp(&self) -> Timestamp {
-        /// Years are kept in 7 bits from 1980 on.
-        const BEGINNING: Timestamp = Timestamp {
-            year_since_1970: 10,
-            zero_indexed_month: 0,
-            zero_indexed_day: 0,
-            hours: 0,
-            minutes: 0,
-            seconds: 0,
-        };
-        self.0.map_or(BEGINNING, |civil| Timestamp {
-            year_since_1970: civil.year.saturating_sub(1970).min(137) as u8,
-            zero_indexed_month: civil.month.saturating_sub(1),
-            zero_indexed_day: civil.day.saturating_sub(1),
-            hours: civil.hour,
-            minutes: civil.minute,
-            seconds: civil.second.min(59),
-        })
-    }
+fn plan(disk: &mut dyn Disk, len: u32) -> Result<Plan<'_>, NotSaved> {
+    let volume = partition::find(disk)?;
+    Plan::make(Tables::new(disk, volume), len)
+}
+
+/// As FAT has them; if the time is not known, the beginning of FAT's time.
+fn date_and_time(civil: Option<CivilTime>) -> (u16, u16) {
+    /// The first of January 1980: years are kept in 7 bits from then on.
+    const BEGINNING: (u16, u16) = (1 << 5 | 1, 0);
+    civil.map_or(BEGINNING, |civil| {
+        let year = civil.year.saturating_sub(1980).min(127);
+        let date = year << 9 | u16::from(civil.month) << 5 | u16::from(civil.day);
+        // Seconds in steps of two.
+        let second = u16::from(civil.second.min(59)) / 2;
+        let time = u16::from(civil.hour) << 11 | u16::from(civil.minute) << 5 | second;
+        (date, time)
+    })
 }

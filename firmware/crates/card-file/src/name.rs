@@ -1,28 +1,22 @@
-//! The files' names: TEST0001.CSV to TEST9999.CSV.
+//! The files' names: TEST0001.CSV to TEST9999.CSV, as a directory has them.
 
-use heapless::String;
+/// A name in a directory: eight bytes and the extension's three.
+pub(crate) type Name = [u8; 11];
 
-/// The name of the file with that number, if it can have one.
-pub(crate) fn of(number: u16) -> Option<String<12>> {
-    if !(1..=9_999).contains(&number) {
-        return None;
-    }
-    let mut name = String::new();
-    name.push_str("TEST").ok()?;
-    for unit in [1_000, 100, 10, 1] {
-        let digit = number / unit % 10;
-        name.push(char::from(b'0' + digit as u8)).ok()?;
-    }
-    name.push_str(".CSV").ok()?;
-    Some(name)
+/// The last number that a name has room for.
+pub(crate) const LAST: u16 = 9_999;
+
+/// The name of the file with that number, which is at most [`LAST`].
+pub(crate) fn of(number: u16) -> Name {
+    let digit = |unit| b'0' + (number / unit % 10) as u8;
+    let [a, b, c, d] = [1_000, 100, 10, 1].map(digit);
+    [b'T', b'E', b'S', b'T', a, b, c, d, b'C', b'S', b'V']
 }
 
-/// The number in a file's name, if it is one of ours.
-pub(crate) fn number(base_name: &[u8], extension: &[u8]) -> Option<u16> {
-    let digits: [u8; 4] = base_name.strip_prefix(b"TEST")?.try_into().ok()?;
-    if extension != b"CSV" {
-        return None;
-    }
+/// The number in a name, if it is one of ours.
+pub(crate) fn number(name: &[u8]) -> Option<u16> {
+    let digits = name.strip_prefix(b"TEST")?.strip_suffix(b"CSV")?;
+    let digits: [u8; 4] = digits.try_into().ok()?;
     digits.into_iter().try_fold(0, |number, digit| {
         digit
             .is_ascii_digit()
@@ -36,25 +30,19 @@ mod tests {
 
     #[test]
     fn a_name_and_its_number_belong_together() {
-        for n in 1..=9_999 {
-            let name = of(n).unwrap();
-            let (base, extension) = name.split_once('.').unwrap();
-            assert_eq!(number(base.as_bytes(), extension.as_bytes()), Some(n));
+        for n in 1..=LAST {
+            assert_eq!(number(&of(n)), Some(n));
         }
-        assert_eq!((of(0), of(10_000)), (None, None));
-        for (base, extension) in [
-            ("TEST001", "CSV"),
-            ("TEST00010", "CSV"),
-            ("TEST000A", "CSV"),
-            ("TEXT0001", "CSV"),
-            ("TEST0001", "TXT"),
-            ("", ""),
+        assert_eq!(&of(42), b"TEST0042CSV");
+        for name in [
+            "TEST001 CSV",
+            "TEST000ACSV",
+            "TEXT0001CSV",
+            "TEST0001TXT",
+            "TEST0001",
+            "",
         ] {
-            assert_eq!(
-                number(base.as_bytes(), extension.as_bytes()),
-                None,
-                "{base}"
-            );
+            assert_eq!(number(name.as_bytes()), None, "{name}");
         }
     }
 }

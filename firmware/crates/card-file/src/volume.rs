@@ -1,153 +1,243 @@
-//! The FAT volume on a card: what has to be known of it before anything is written.
+//! A FAT volume, as far as its boot record and its tables' beginnings prove it.
 //!
-//! *Purpose.* [`Volume::on`] checks that there is one that can be trusted, [`Volume::has_room`]
-//! that the file fits, before [`embedded_sdmmc`] begins.
+//! *Design.* A boot record is believed where something else on the card agrees with it: its backup
+//! (FAT32), the partition and the card, and the tables, each of which has to begin with the media
+//! byte. That fixes where the tables are, how long they are and how many, and so where the clusters
+//! begin. What nothing on a card repeats has to be what every formatter writes: 512 entries in the
+//! root of FAT16. Whether there are 16 or 32 bits is told by the fields, as Windows, macOS and Linux
+//! do, and not by the number of clusters: FAT32 has no short table length and no fixed root.
 //!
-//! *Design.* `embedded-sdmmc` 0.10 does not check the sizes on a card. It divides by the size of a
-//! cluster, so a 0 there would be a panic. Its search for a free cluster goes on behind the last
-//! cluster of the volume, up to the end of the table's last block. Both are excluded here: sizes
-//! are checked, and room for the whole file is found before the first byte, so that the search ends
-//! within the volume.
-//!
-//! *Limits.* The first partition of a master boot record, as cards are sold and as cameras format
-//! them; no FAT12, no exFAT. Directories and chains are not checked.
+//! *Limits.* The size of a cluster on FAT16 stands nowhere else: see `root.rs` for what proves it.
 
-use crate::bytes::{byte, half, word};
-use crate::disk::{BLOCK, Disk, DiskError};
+use crate::bytes::{Block, byte, half, is_signed, word};
+use crate::disk::{BLOCK, Disk};
+use crate::not_saved::NotSaved;
+use crate::partition::Stretch;
 
-/// Why there is no volume, or no room.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum NoVolume {
-    /// The disk failed.
-    Disk(DiskError),
-    /// It has none, or a damaged one.
-    NotFat,
-}
+/// The number of a volume's first cluster.
+pub(crate) const FIRST_CLUSTER: u32 = 2;
 
-impl From<DiskError> for NoVolume {
-    fn from(error: DiskError) -> Self {
-        Self::Disk(error)
-    }
-}
+/// Clusters of the smallest FAT16 volume, and of the largest.
+const FAT16_MIN: u32 = 4_085;
+const FAT16_MAX: u32 = 65_524;
 
-/// Where a FAT16 or FAT32 volume is, in blocks of the disk.
+/// Clusters of the largest FAT32 volume.
+const FAT32_MAX: u32 = 0x0FFF_FFF5;
+
+/// The entries in the root directory of FAT16.
+const ROOT_ENTRIES: u32 = 512;
+
+/// Where a volume has its parts, in blocks of the card.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Volume {
     first: u32,
     blocks: u32,
-    table: u32,
-    clusters: u32,
-    blocks_per_cluster: u32,
-    has_32_bits: bool,
-    /// The block of FAT32 that has the hint where the next free cluster may be.
-    hints: Option<u32>,
+    /// The table in use, or the first of two.
+    pub(crate) table: u32,
+    /// Tables that are kept alike, and the blocks of each.
+    pub(crate) tables: u32,
+    pub(crate) per_table: u32,
+    /// The first block of the root, with 16 bits; its first cluster, with 32.
+    pub(crate) root: u32,
+    data: u32,
+    pub(crate) clusters: u32,
+    pub(crate) blocks_per_cluster: u32,
+    pub(crate) has_32_bits: bool,
+    /// The block with the count of free clusters.
+    pub(crate) info: Option<u32>,
 }
 
 impl Volume {
-    /// The volume in the card's first partition.
+    /// The volume that fills `place` or its beginning.
     ///
     /// # Errors
     ///
-    /// There is none, or the disk failed.
-    pub(crate) fn on(disk: &mut dyn Disk) -> Result<Self, NoVolume> {
-        const PARTITION: usize = 446;
-        let mut block = [0; BLOCK];
-        disk.read(0, &mut block)?;
-        let first = word(&block, PARTITION + 8);
-        if !is_signed(&block) || first == 0 || first >= disk.blocks() {
-            return Err(NoVolume::NotFat);
+    /// Why there is none that can be used.
+    pub(crate) fn at(disk: &mut dyn Disk, place: Stretch) -> Result<Self, NotSaved> {
+        let card = disk.blocks();
+        if place.first >= card {
+            return Err(NotSaved::NoFileSystem);
         }
-        disk.read(first, &mut block)?;
-        Self::parse(&block, first)
-            .filter(|volume| {
-                let end = first.checked_add(volume.blocks);
-                end.is_some_and(|end| end <= disk.blocks())
-            })
-            .ok_or(NoVolume::NotFat)
+        let mut block = [0; BLOCK];
+        disk.read(place.first, &mut block)?;
+        let kind = kind(disk, place.first, &block)?;
+        kind.map_or(Ok(()), Err)?;
+        let volume = Self::parse(&block, place.first)?;
+        let room = place.blocks.min(card - place.first);
+        if volume.blocks > room {
+            return Err(NotSaved::Beyond);
+        }
+        if volume.has_32_bits {
+            volume.compare_backup(disk, &block)?;
+        }
+        volume.look_at_tables(disk, &block)?;
+        volume.with_info(disk, half(&block, 48))
     }
 
     /// From the volume's first block (Microsoft FAT specification, section 3).
-    fn parse(block: &[u8; BLOCK], first: u32) -> Option<Self> {
-        /// Clusters of the smallest FAT16, and of the smallest FAT32.
-        const FAT16: u32 = 4_085;
-        const FAT32: u32 = 65_525;
+    fn parse(block: &Block, first: u32) -> Result<Self, NotSaved> {
+        const DAMAGED: NotSaved = NotSaved::BootDamaged;
         let blocks_per_cluster = byte(block, 13);
         let tables = byte(block, 16);
-        if !is_signed(block)
-            || half(block, 11) != BLOCK as u32
-            || !blocks_per_cluster.is_power_of_two()
-            || !(1..=2).contains(&tables)
-        {
-            return None;
-        }
         let reserved = half(block, 14);
+        if !blocks_per_cluster.is_power_of_two() || !(1..=2).contains(&tables) || reserved == 0 {
+            return Err(DAMAGED);
+        }
         let either = |short: u32, long: usize| if short == 0 { word(block, long) } else { short };
         let blocks = either(half(block, 19), 32);
+        let root_entries = half(block, 17);
+        let has_32_bits = half(block, 22) == 0;
         let per_table = either(half(block, 22), 36);
         // 16 entries of the root directory in a block.
-        let before_data = per_table
-            .checked_mul(tables)?
-            .checked_add(reserved + half(block, 17).div_ceil(16))?;
-        let clusters = blocks.checked_sub(before_data)? / blocks_per_cluster;
-        let has_32_bits = clusters >= FAT32;
+        let before_root = per_table.checked_mul(tables).ok_or(DAMAGED)?;
+        let before_root = before_root.checked_add(reserved).ok_or(DAMAGED)?;
+        let before_data = before_root.checked_add(root_entries.div_ceil(16));
+        let data_blocks = blocks.checked_sub(before_data.ok_or(DAMAGED)?);
+        let clusters = data_blocks.ok_or(DAMAGED)? / blocks_per_cluster;
         let entries = per_table.saturating_mul(entries_per_block(has_32_bits));
-        if reserved == 0 || clusters < FAT16 || entries < clusters + 2 {
-            return None;
+        first.checked_add(blocks).ok_or(NotSaved::Beyond)?;
+        let (expected_entries, most) = if has_32_bits {
+            (0, FAT32_MAX)
+        } else {
+            (ROOT_ENTRIES, FAT16_MAX)
+        };
+        if !has_32_bits && clusters < FAT16_MIN {
+            return Err(NotSaved::Fat12);
         }
-        Some(Self {
+        if root_entries != expected_entries
+            || clusters == 0
+            || clusters > most
+            || entries < clusters + FIRST_CLUSTER
+        {
+            return Err(DAMAGED);
+        }
+        let mut volume = Self {
             first,
             blocks,
             table: first + reserved,
+            tables,
+            per_table,
+            root: first + before_root,
+            data: first + before_root + root_entries.div_ceil(16),
             clusters,
             blocks_per_cluster,
             has_32_bits,
-            hints: has_32_bits.then(|| first.wrapping_add(half(block, 48))),
-        })
+            info: None,
+        };
+        if has_32_bits {
+            volume.root = word(block, 44);
+            // One of the tables alone is kept, and the version is 0.0.
+            let (flags, active) = (half(block, 40), half(block, 40) & 0xF);
+            let is_alone = flags & 0x80 != 0;
+            if half(block, 42) != 0 || is_alone && active >= tables {
+                return Err(DAMAGED);
+            }
+            if is_alone {
+                volume.tables = 1;
+                volume.table += active * per_table;
+            }
+            if !volume.has_cluster(volume.root) {
+                return Err(NotSaved::RootDamaged);
+            }
+        }
+        Ok(volume)
     }
 
-    /// Whether a file of `bytes` fits, together with two clusters more: one by which the directory
-    /// may grow, and one at which the search for a next cluster ends.
-    ///
-    /// # Errors
-    ///
-    /// The disk failed.
-    pub(crate) fn has_room(&self, disk: &mut dyn Disk, bytes: u32) -> Result<bool, DiskError> {
-        let wanted = bytes.div_ceil(self.blocks_per_cluster * BLOCK as u32) + 2;
-        let per_block = entries_per_block(self.has_32_bits);
+    /// Whether the backup of the boot record says the same where it matters.
+    fn compare_backup(&self, disk: &mut dyn Disk, boot: &Block) -> Result<(), NotSaved> {
+        let place = half(boot, 50);
+        if place == 0 || place >= self.table - self.first {
+            return Ok(());
+        }
+        let mut backup = [0; BLOCK];
+        disk.read(self.first + place, &mut backup)?;
+        // A formatter that makes none leaves what an erased card has.
+        if backup.iter().all(|&byte| byte == 0) || backup.iter().all(|&byte| byte == 0xFF) {
+            return Ok(());
+        }
+        // Sizes, the media byte, and from the blocks on to the root's cluster. The blocks before the
+        // volume, the geometry and what a mount changes do not matter.
+        let same = |from: usize, to: usize| boot.get(from..to) == backup.get(from..to);
+        let is_same = same(11, 24) && same(32, 48) && is_signed(&backup);
+        is_same.then_some(()).ok_or(NotSaved::BootDamaged)
+    }
+
+    /// Each table begins with the media byte, and there is none behind the last one.
+    fn look_at_tables(&self, disk: &mut dyn Disk, boot: &Block) -> Result<(), NotSaved> {
         let mut block = [0; BLOCK];
-        let mut found = 0;
-        for cluster in 2..self.clusters + 2 {
-            let place = cluster % per_block;
-            if place == 0 || cluster == 2 {
-                disk.read(self.table + cluster / per_block, &mut block)?;
+        let (media, tables) = (byte(boot, 21), byte(boot, 16));
+        let (is_media, begins) = if self.has_32_bits {
+            (media | 0x0FFF_FF00, 0x0FFF_FFFF)
+        } else {
+            (media | 0xFF00, 0xFFFF)
+        };
+        for table in 0..=self.tables {
+            let number = self.table + table * self.per_table;
+            if number >= self.first + self.blocks {
+                continue;
             }
-            let is_free = if self.has_32_bits {
-                // The upper four bits are reserved.
-                word(&block, place as usize * 4) << 4 == 0
-            } else {
-                half(&block, place as usize * 2) == 0
-            };
-            found += u32::from(is_free);
-            if found == wanted {
-                return Ok(true);
+            disk.read(number, &mut block)?;
+            let is_one = word(&block, 0) & begins == is_media;
+            if table < self.tables && !is_one {
+                return Err(NotSaved::TableDamaged);
+            }
+            // Of a volume with one table, nothing else would show that there are two.
+            if table == tables && tables == 1 && is_one && word(&block, 4) & begins == begins {
+                return Err(NotSaved::BootDamaged);
             }
         }
-        Ok(false)
+        Ok(())
     }
 
-    /// Whether a block belongs to it.
-    pub(crate) const fn contains(&self, block: u32) -> bool {
-        block >= self.first && block - self.first < self.blocks
-    }
-
-    /// Removes the hint from a block that was read. Without it the search begins at the first
-    /// cluster, so that it finds a free one before the end of the volume.
-    pub(crate) fn without_hint(&self, number: u32, block: &mut [u8; BLOCK]) {
-        if self.hints == Some(number)
-            && let Some(hint) = block.get_mut(492..496)
-        {
-            hint.fill(0xFF);
+    /// With the block that has the count, if it is one.
+    fn with_info(mut self, disk: &mut dyn Disk, place: u32) -> Result<Self, NotSaved> {
+        if self.has_32_bits && (1..self.table - self.first).contains(&place) {
+            let mut block = [0; BLOCK];
+            disk.read(self.first + place, &mut block)?;
+            let is_one = word(&block, 0) == 0x4161_5252
+                && word(&block, 484) == 0x6141_7272
+                && word(&block, 508) == 0xAA55_0000;
+            self.info = is_one.then_some(self.first + place);
         }
+        Ok(self)
+    }
+
+    /// The blocks that belong to it.
+    pub(crate) const fn stretch(&self) -> Stretch {
+        Stretch {
+            first: self.first,
+            blocks: self.blocks,
+        }
+    }
+
+    /// Whether it has a cluster of that number.
+    pub(crate) const fn has_cluster(&self, cluster: u32) -> bool {
+        cluster >= FIRST_CLUSTER && cluster - FIRST_CLUSTER < self.clusters
+    }
+
+    /// The first block of a cluster that it has.
+    pub(crate) const fn block_of(&self, cluster: u32) -> u32 {
+        self.data + (cluster - FIRST_CLUSTER) * self.blocks_per_cluster
+    }
+
+    /// Blocks of a root that has a place of its own.
+    pub(crate) const fn root_blocks(&self) -> u32 {
+        self.data - self.root
+    }
+
+    /// Clusters that so many bytes take.
+    pub(crate) const fn clusters_for(&self, bytes: u32) -> u32 {
+        bytes.div_ceil(self.cluster_bytes())
+    }
+
+    /// Bytes of a cluster.
+    pub(crate) const fn cluster_bytes(&self) -> u32 {
+        self.blocks_per_cluster * BLOCK as u32
+    }
+
+    /// Entries in a block of a table.
+    pub(crate) const fn entries_per_block(&self) -> u32 {
+        entries_per_block(self.has_32_bits)
     }
 }
 
@@ -155,7 +245,34 @@ const fn entries_per_block(has_32_bits: bool) -> u32 {
     BLOCK as u32 / if has_32_bits { 4 } else { 2 }
 }
 
-/// Whether a block ends as a boot record does.
-fn is_signed(block: &[u8; BLOCK]) -> bool {
-    half(block, 510) == 0xAA55
+/// What a volume is that is no FAT volume with blocks of 512 bytes, or a trace of one.
+fn kind(disk: &mut dyn Disk, first: u32, boot: &Block) -> Result<Option<NotSaved>, NotSaved> {
+    let has_name = |name: &[u8; 8]| boot.get(3..11) == Some(name);
+    if is_signed(boot) && has_name(b"EXFAT   ") {
+        return Ok(Some(NotSaved::Exfat));
+    }
+    if is_signed(boot) && has_name(b"NTFS    ") {
+        return Ok(Some(NotSaved::Ntfs));
+    }
+    match half(boot, 11) {
+        512 if is_signed(boot) => return Ok(None),
+        1_024 | 2_048 | 4_096 if is_signed(boot) => return Ok(Some(NotSaved::SectorSize)),
+        _ => {}
+    }
+    // The superblock of ext stands 1024 bytes behind the beginning.
+    let mut block = [0; BLOCK];
+    if first.saturating_add(2) < disk.blocks() {
+        disk.read(first + 2, &mut block)?;
+        if half(&block, 56) == 0xEF53 {
+            return Ok(Some(NotSaved::Ext4));
+        }
+    }
+    // A backup where FAT32 has it, of a boot record that is none any more.
+    if first.saturating_add(6) < disk.blocks() {
+        disk.read(first + 6, &mut block)?;
+        if is_signed(&block) && half(&block, 11) == 512 && half(&block, 50) == 6 {
+            return Ok(Some(NotSaved::BootDamaged));
+        }
+    }
+    Ok(Some(NotSaved::NoFileSystem))
 }

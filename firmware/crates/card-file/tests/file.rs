@@ -92,16 +92,18 @@ fn files_of_any_length_are_there_in_full() {
 }
 
 #[test]
-fn a_number_is_never_given_twice_and_the_last_one_is_the_end() {
-    let mut image = fat_image::formatted(Kind::Fat16);
-    fat_image::put(&mut image, "TEST9998.CSV", 10);
+fn a_number_is_never_given_twice_and_behind_the_last_one_come_those_left_out() {
+    let mut image = fat_image::formatted(Kind::Fat32);
+    for name in ["TEST0001.CSV", "TEST0003.CSV", "TEST9998.CSV"] {
+        fat_image::put(&mut image, name, 10);
+    }
     let mut disk = RamDisk::new(image);
-    assert_eq!(save_on(&mut disk, 10), Ok(9_999));
-    assert_eq!(save_on(&mut disk, 10), Err(NotSaved::Full));
+    for number in [9_999, 2, 4, 5] {
+        assert_eq!(save_on(&mut disk, 10), Ok(number));
+    }
 }
 
-/// A card on which the clusters behind the first `free` bytes are taken, and which hints at its
-/// end.
+/// A card with so many bytes free, at its beginning, and a hint at its end.
 fn nearly_full(kind: Kind, free: usize) -> Vec<u8> {
     let mut image = fat_image::formatted(kind);
     fat_image::put(&mut image, "first.bin", free);
@@ -116,18 +118,18 @@ fn nearly_full(kind: Kind, free: usize) -> Vec<u8> {
 }
 
 #[test]
-fn room_at_the_beginning_is_found_and_nothing_is_written_behind_the_end() {
+fn the_last_free_cluster_is_used_and_nothing_is_begun_that_does_not_fit() {
+    const FREE: u32 = 100 * 1_024;
     for kind in [Kind::Fat16, Kind::Fat32] {
-        let image = nearly_full(kind, 100 * 1_024);
+        let image = nearly_full(kind, FREE as usize);
         let before = fat_image::files(&image);
-        // All of it but a cluster for the directory and one to spare.
         let mut disk = RamDisk::new(image.clone());
-        assert_eq!(save_on(&mut disk, 98 * 1_024), Ok(1), "{kind:?}");
+        assert_eq!(save_on(&mut disk, FREE), Ok(1), "{kind:?}");
         let mut after = fat_image::files(&disk.image);
-        assert!(after.remove("TEST0001.CSV").unwrap().contents == contents(98 * 1_024));
+        assert!(after.remove("TEST0001.CSV").unwrap().contents == contents(FREE));
         assert!(after == before);
         let mut disk = RamDisk::new(image.clone());
-        assert_eq!(save_on(&mut disk, 100 * 1_024), Err(NotSaved::Full));
+        assert_eq!(save_on(&mut disk, FREE + 1), Err(NotSaved::NoRoom));
         assert!(disk.image == image, "nothing is begun that does not fit");
     }
 }

@@ -7,7 +7,6 @@ use mavlink_node::{Severity, difference};
 use timebase::divide;
 
 use crate::clock_events::ClockEvent;
-use crate::not_saved::NotSaved;
 
 type Text = String<50>;
 
@@ -40,7 +39,13 @@ pub fn statustext(event: ClockEvent) -> (Severity, Text) {
             let behind = " samples saved to the card, file ";
             (Severity::Notice, behind, Some(file.into()), "")
         }
-        ClockEvent::NotSaved(why) => (Severity::Warning, "log not saved: ", None, reason(why)),
+        ClockEvent::Saving { for_s } => (
+            Severity::Notice,
+            "log is being saved, for ",
+            Some(for_s.cast_signed()),
+            " s; 3 stops it",
+        ),
+        ClockEvent::NotSaved(why) => (Severity::Warning, "log not saved: ", None, why.advice()),
     };
     // All of it fits.
     let _ = text.push_str(before);
@@ -49,19 +54,6 @@ pub fn statustext(event: ClockEvent) -> (Severity, Text) {
     }
     let _ = text.push_str(behind);
     (severity, text)
-}
-
-fn reason(why: NotSaved) -> &'static str {
-    match why {
-        NotSaved::NoSlot => "this board has no card slot",
-        NotSaved::NoCard => "no card in the slot",
-        NotSaved::NotFat => "format the card as FAT32",
-        NotSaved::WriteProtected => "the card is write-protected",
-        NotSaved::Full => "the card is full",
-        NotSaved::Pulled => "the card was pulled",
-        NotSaved::Failed => "the card fails",
-        NotSaved::Cleared => "a new test has begun",
-    }
 }
 
 /// Writes a number by hand: `core::fmt` would bring 2 KB for this one.

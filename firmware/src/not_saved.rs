@@ -35,7 +35,7 @@ impl Format for NotSaved {
         match self {
             Self::NoSlot => defmt::write!(f, "NoSlot"),
             Self::NoCard => defmt::write!(f, "NoCard"),
-            Self::Card(why) => why.format(f),
+            Self::Card(why) => defmt::write!(f, "{}", why),
         }
     }
 }

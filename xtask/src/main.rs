@@ -7,6 +7,8 @@
 
 mod bench;
 mod board_test;
+mod card;
+mod card_faults;
 mod ci;
 mod compare;
 mod ctrl_c;
@@ -76,6 +78,10 @@ enum Verb {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         arguments: Vec<String>,
     },
+    /// What a board makes of a memory card, or of an image of one
+    Card(card::Options),
+    /// What becomes of damaged cards, and of cards that are pulled
+    CardFaults(card_faults::Options),
     /// Ask `sim` and `qemu` for their time with pymavlink, in a venv of its own
     Pymavlink,
     /// Everything that has to hold
@@ -107,6 +113,8 @@ fn run() -> Result<ExitCode> {
         Verb::Deps => done(deps::check()),
         Verb::DeviceId(options) => Ok(device_id::run(&options)),
         Verb::BoardTest { arguments } => done(board_test::run(&arguments)),
+        Verb::Card(options) => card::run(&options),
+        Verb::CardFaults(options) => done(card_faults::run(&options)),
         Verb::Pymavlink => done(pymavlink::run()),
         Verb::Ci => done(ci::run_all()),
     }

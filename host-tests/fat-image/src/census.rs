@@ -68,7 +68,6 @@ pub struct Census {
     tables: u32,
     per_table: u32,
     table: u32,
-    root: u32,
     data: u32,
     clusters: u32,
     blocks_per_cluster: u32,
@@ -133,7 +132,6 @@ impl Census {
             tables,
             per_table,
             table,
-            root,
             data,
             clusters,
             blocks_per_cluster,
@@ -277,7 +275,10 @@ impl Census {
             return Ok(());
         }
         if let Some(unused) = self.unused.get(&number) {
-            let is_kept = (0..16).all(|entry| unused[entry] || !differs(entry * 32, 32));
+            // Of an entry that is all 0 by now, nothing is left that could be written over.
+            let is_erased = |entry: usize| old[entry * 32..][..32] == [0; 32];
+            let is_ours = |entry: usize| unused[entry] || is_erased(entry);
+            let is_kept = (0..16).all(|entry| is_ours(entry) || !differs(entry * 32, 32));
             return if is_kept {
                 Ok(())
             } else {
@@ -299,6 +300,43 @@ impl Census {
         }
     }
 
+    /// The blocks on which all others depend, with what they are. Those of one name are copies of
+    /// each other, or belong together.
+    #[must_use]
+    pub fn vital(&self) -> Vec<(&'static str, u32)> {
+        /// Where FAT32 has the copy of its boot record.
+        const BACKUP: u32 = 6;
+        let mut vital = vec![("boot record", self.first)];
+        if self.has_32_bits {
+            vital.push(("backup", self.first + BACKUP));
+        }
+        vital.extend(self.info.map(|info| ("FSInfo", info)));
+        for (which, name) in (0..self.tables).zip(["first table", "second table"]) {
+            let table = self.table + which * self.per_table;
+            vital.extend([(name, table), (name, table + 1)]);
+        }
+        let root = self.unused.keys().take(2);
+        vital.extend(root.map(|&number| ("root", number)));
+        vital
+    }
+
+    /// The clusters that are taken and belong to no file, folder or root.
+    #[must_use]
+    pub fn lost(&self) -> usize {
+        let owned: BTreeSet<u32> = self
+            .items
+            .values()
+            .flat_map(|item| &item.chain)
+            .copied()
+            .collect();
+        let is_lost = |cluster: &u32| {
+            !self.is_free[*cluster as usize]
+                && !owned.contains(cluster)
+                && !self.root_chain.contains(cluster)
+        };
+        (2..self.clusters + 2).filter(is_lost).count()
+    }
+
     /// The first name of `earlier` that is not here as it was.
     #[must_use]
     pub fn missing<'a>(&self, earlier: &'a Self) -> Option<&'a str> {
@@ -311,6 +349,17 @@ impl Census {
     #[must_use]
     pub fn item(&self, name: &str) -> Option<&Item> {
         self.items.get(name)
+    }
+
+    /// The entries of the root that are not used, by their blocks and their places in these.
+    #[must_use]
+    pub fn unused_entries(&self) -> Vec<(u32, usize)> {
+        let of = |(&number, unused): (&u32, &[bool; 16])| {
+            let unused = *unused;
+            let entries = (0..16).filter(move |&entry| unused[entry]);
+            entries.map(move |entry| (number, entry * 32))
+        };
+        self.unused.iter().flat_map(of).collect()
     }
 
     /// How many files and folders there are.

@@ -55,11 +55,6 @@ impl<'a> Plan<'a> {
         self.root.number
     }
 
-    /// The tables, to look at them.
-    pub(crate) fn into_tables(self) -> Tables<'a> {
-        self.tables
-    }
-
     /// Writes the file, and reads it back.
     ///
     /// # Errors
@@ -81,8 +76,8 @@ impl<'a> Plan<'a> {
             return Err(NotSaved::NotKept);
         }
         self.count_down()?;
-        let (number, at, ends) = match (self.root.place, grown) {
-            (Place::Free { number, at, ends }, _) => (number, at, ends),
+        let (number, at) = match (self.root.place, grown) {
+            (Place::Free { number, at }, _) => (number, at),
             (Place::Behind(last), Some(grown)) => {
                 let is_marked = self.tables.entry(grown)? == Entry::Last;
                 self.tables.set(last, Some(grown))?;
@@ -90,7 +85,7 @@ impl<'a> Plan<'a> {
                 if !is_marked || self.tables.entry(last)? != Entry::Next(grown) {
                     return Err(NotSaved::NotKept);
                 }
-                (self.tables.volume.block_of(grown), 0, None)
+                (self.tables.volume.block_of(grown), 0)
             }
             (Place::Behind(_), None) => return Err(NotSaved::NoRoom),
         };
@@ -101,7 +96,7 @@ impl<'a> Plan<'a> {
             date,
             time,
         };
-        entry.write(self.tables.disk, number, at, ends)?;
+        entry.write(self.tables.disk, number, at)?;
         Ok(self.root.number)
     }
 

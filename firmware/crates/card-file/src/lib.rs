@@ -6,7 +6,7 @@
 //! - [`Disk`], the card: blocks of 512 bytes, which the user of this crate reads and writes;
 //! - [`save`], which writes the file and returns the number in its name;
 //! - [`NotSaved`], the reason if it could not;
-//! - [`look`], which says what would become of it, and writes nothing.
+//! - [`look`] and [`examine`], which say what would become of it, and write nothing.
 //!
 //! *Design.* A card is believed as far as it was checked. [`save`] first looks round: `partition.rs`
 //! finds the volume, `volume.rs` holds its boot record against everything that repeats it, `root.rs`
@@ -106,18 +106,25 @@ pub fn save(
     plan(disk, len)?.write(read, date_and_time(written))
 }
 
-/// Where a file would go.
+/// The number that a new file of `len` bytes would get; writes nothing.
+///
+/// # Errors
+///
+/// Why there would be no file.
+pub fn look(disk: &mut dyn Disk, len: u32) -> Result<u16, NotSaved> {
+    plan(disk, len).map(|plan| plan.number())
+}
+
+/// What is known of a volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Found {
-    /// The number in the file's name.
-    pub file: u16,
+pub struct Facts {
     /// The volume's first block on the card.
     pub first_block: u32,
     /// The volume's length. \[blocks\]
     pub blocks: u32,
     /// Whether it is FAT32, and not FAT16.
     pub is_fat32: bool,
-    /// How many tables there are.
+    /// How many tables are in use.
     pub tables: u32,
     /// The size of a cluster. \[bytes\]
     pub cluster_bytes: u32,
@@ -127,26 +134,22 @@ pub struct Found {
     pub free_clusters: u32,
 }
 
-/// Says where a file of `len` bytes would go, and writes nothing.
+/// Describes the volume that a file would go to; reads all of its tables, and writes nothing.
 ///
 /// # Errors
 ///
-/// Why there would be no file.
-pub fn look(disk: &mut dyn Disk, len: u32) -> Result<Found, NotSaved> {
-    let plan = plan(disk, len)?;
-    let file = plan.number();
-    let mut tables = plan.into_tables();
-    let volume = tables.volume;
+/// Why there is none.
+pub fn examine(disk: &mut dyn Disk) -> Result<Facts, NotSaved> {
+    let volume = partition::find(disk)?;
     let all = FreeClusters::from(FIRST_CLUSTER, volume.clusters);
-    Ok(Found {
-        file,
+    Ok(Facts {
         first_block: volume.stretch().first,
         blocks: volume.stretch().blocks,
         is_fat32: volume.has_32_bits,
         tables: volume.tables,
         cluster_bytes: volume.cluster_bytes(),
         clusters: volume.clusters,
-        free_clusters: tables.count(all, volume.clusters)?,
+        free_clusters: Tables::new(disk, volume).count(all, volume.clusters)?,
     })
 }
 

@@ -2,11 +2,13 @@
 //!
 //! *Design.* All of it is read before anything is written. Its chain has to be one in both tables,
 //! of no more clusters than a directory can have. Its entries have to look like entries: a root
-//! that is said to be where something else is would be written into that. And since nothing repeats
+//! that is said to be where something else is would be written into that. Behind the end there are
+//! none in use, and an entry that was deleted has given its clusters back: otherwise it is one whose
+//! first byte is damaged, and is left alone. And since nothing repeats
 //! FAT16's size of a cluster, the first few files prove it: their chains are as long as their
 //! sizes ask for, or the volume is not believed. Of these files a minority may be damaged.
 
-use crate::bytes::{Block, byte, half, put, word};
+use crate::bytes::{self, Block, byte, half, put, word};
 use crate::disk::{BLOCK, Disk};
 use crate::name::{self, LAST, Name};
 use crate::not_saved::NotSaved;
@@ -23,6 +25,9 @@ const BLOCKS_MAX: u32 = 65_536 * ENTRY as u32 / BLOCK as u32;
 const PROVED: u32 = 8;
 const CHAIN_MAX: u32 = 20_000;
 
+/// The first byte of a deleted entry.
+const DELETED: u32 = 0xE5;
+
 /// An entry's attributes.
 const LABEL: u32 = 0x08;
 const DIRECTORY: u32 = 0x10;
@@ -32,13 +37,8 @@ const ARCHIVE: u8 = 0x20;
 /// Where an entry goes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Place {
-    /// Into the block `number`, at the byte `at`. If no entry in use comes after it, `ends` is the
-    /// block in which the next one stands, and it has to be marked as unused.
-    Free {
-        number: u32,
-        at: usize,
-        ends: Option<u32>,
-    },
+    /// Into the block `number`, at the byte `at`.
+    Free { number: u32, at: usize },
     /// Into a cluster that follows this last one.
     Behind(u32),
 }
@@ -61,29 +61,17 @@ impl Root {
         let mut look = Look::default();
         let mut blocks = Blocks::of(&tables.volume);
         let mut block = [0; BLOCK];
-        'all: while let Some(number) = blocks.next(tables)? {
+        while let Some(number) = blocks.next(tables)? {
             tables.disk.read(number, &mut block)?;
             for at in (0..BLOCK).step_by(ENTRY) {
-                if !look.entry(tables, &block, number, at)? {
-                    // The entry behind this one has to end the directory in its place.
-                    look.ends = if at + ENTRY < BLOCK {
-                        Some(number)
-                    } else {
-                        blocks.next(tables)?
-                    };
-                    break 'all;
-                }
+                look.entry(tables, &block, number, at)?;
             }
         }
         if look.unlike > look.like {
             return Err(NotSaved::BootDamaged);
         }
         let place = match (look.free, blocks.chain) {
-            (Some((number, at, is_end)), _) => Place::Free {
-                number,
-                at,
-                ends: look.ends.filter(|_| is_end),
-            },
+            (Some((number, at)), _) => Place::Free { number, at },
             (None, Some(last)) if blocks.seen < BLOCKS_MAX => Place::Behind(last),
             (None, _) => return Err(NotSaved::NoEntry),
         };
@@ -98,9 +86,10 @@ impl Root {
 /// What was seen so far.
 #[derive(Default)]
 struct Look {
-    /// The first unused entry, and whether none in use follows.
-    free: Option<(u32, usize, bool)>,
-    ends: Option<u32>,
+    /// The first unused entry.
+    free: Option<(u32, usize)>,
+    /// Whether the end was seen.
+    is_over: bool,
     last_file: u16,
     /// Directories with a name of ours.
     directories: u32,
@@ -110,29 +99,43 @@ struct Look {
 }
 
 impl Look {
-    /// Takes an entry in; returns whether there are more.
+    /// Takes an entry in.
     fn entry(
         &mut self,
         tables: &mut Tables<'_>,
         block: &Block,
         number: u32,
         at: usize,
-    ) -> Result<bool, NotSaved> {
+    ) -> Result<(), NotSaved> {
         let first = byte(block, at);
         let attributes = byte(block, at + 11);
-        if matches!(first, 0 | 0xE5) {
-            let is_end = first == 0;
-            self.free = self.free.or(Some((number, at, is_end)));
-            return Ok(!is_end);
+        match first {
+            // All of it is 0, since nothing was there.
+            0 if !self.is_over && (0..ENTRY).any(|byte| bytes::byte(block, at + byte) != 0) => {
+                return Err(NotSaved::RootDamaged);
+            }
+            0 => {
+                self.is_over = true;
+                self.free = self.free.or(Some((number, at)));
+                return Ok(());
+            }
+            DELETED => {
+                if self.free.is_none() && is_given_back(tables, block, at)? {
+                    self.free = Some((number, at));
+                }
+                return Ok(());
+            }
+            _ if self.is_over => return Err(NotSaved::RootDamaged),
+            _ => {}
         }
         if attributes & 0x3F == LONG_NAME {
-            return Ok(true);
+            return Ok(());
         }
         if attributes & 0xC0 != 0 || first < 0x20 && first != 0x05 {
             return Err(NotSaved::RootDamaged);
         }
         if attributes & LABEL != 0 {
-            return Ok(true);
+            return Ok(());
         }
         if let Some(number) = name::number(name_at(block, at)) {
             if attributes & DIRECTORY != 0 {
@@ -143,14 +146,9 @@ impl Look {
         }
         let size = word(block, at + 28);
         if attributes & DIRECTORY == 0 && size > 0 && self.like + self.unlike < PROVED {
-            let high = if tables.volume.has_32_bits {
-                half(block, at + 20) << 16
-            } else {
-                0
-            };
-            self.prove(tables, half(block, at + 26) | high, size)?;
+            self.prove(tables, cluster_at(tables, block, at), size)?;
         }
-        Ok(true)
+        Ok(())
     }
 
     /// Compares a chain with the size of its file.
@@ -179,6 +177,26 @@ impl Look {
         }
         Ok(())
     }
+}
+
+/// The first cluster in an entry.
+fn cluster_at(tables: &Tables<'_>, block: &Block, at: usize) -> u32 {
+    let high = if tables.volume.has_32_bits {
+        half(block, at + 20) << 16
+    } else {
+        0
+    };
+    half(block, at + 26) | high
+}
+
+/// Whether nothing is left of what a deleted entry stood for.
+fn is_given_back(tables: &mut Tables<'_>, block: &Block, at: usize) -> Result<bool, NotSaved> {
+    if byte(block, at + 11) & 0x3F == LONG_NAME {
+        // A long name is deleted together with what follows it.
+        return Ok(byte(block, at + ENTRY) == DELETED);
+    }
+    let cluster = cluster_at(tables, block, at);
+    Ok(!tables.volume.has_cluster(cluster) || tables.entry(cluster)? == Entry::Free)
 }
 
 fn name_at(block: &Block, at: usize) -> &[u8] {
@@ -322,22 +340,10 @@ impl FileEntry {
         disk: &mut dyn Disk,
         number: u32,
         at: usize,
-        ends: Option<u32>,
     ) -> Result<(), NotSaved> {
         let mut block = [0; BLOCK];
-        // The end in another block first: until the entry is there, nothing changes by it.
-        if let Some(end) = ends.filter(|&end| end != number) {
-            disk.read(end, &mut block)?;
-            if byte(&block, 0) != 0 {
-                put(&mut block, 0, &[0]);
-                disk.write(end, &block)?;
-            }
-        }
         disk.read(number, &mut block)?;
         put(&mut block, at, &self.bytes());
-        if ends == Some(number) {
-            put(&mut block, at + ENTRY, &[0]);
-        }
         disk.write(number, &block)?;
         let mut kept = [0; BLOCK];
         disk.read(number, &mut kept)?;

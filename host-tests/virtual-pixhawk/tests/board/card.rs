@@ -146,14 +146,17 @@ fn nothing_is_written_over() {
 type Failure = (Option<Card>, &'static str, &'static str);
 
 fn failures() -> Vec<Failure> {
-    const NOT_FAT: (&str, &str) = ("NotFat", "format the card as FAT32");
-    const PULLED: (&str, &str) = ("Pulled", "the card was pulled");
-    const FAILED: (&str, &str) = ("Failed", "the card fails");
-    const PROTECTED: (&str, &str) = ("WriteProtected", "the card is write-protected");
+    const BLANK: (&str, &str) = ("NoFileSystem", "card is blank: format it as FAT32");
+    const FAT12: (&str, &str) = ("Fat12", "card is FAT12: format it as FAT32");
+    const DAMAGED: (&str, &str) = ("BootDamaged", "boot record damaged: fsck or chkdsk");
+    const FULL: (&str, &str) = ("NoRoom", "card is full: delete files");
+    const PULLED: (&str, &str) = ("Gone", "card was pulled: put it in again");
+    const FAILED: (&str, &str) = ("Failed", "card fails: use another one");
+    const PROTECTED: (&str, &str) = ("WriteProtected", "card is write-protected: unlock it");
     let good = fat_image::formatted(Kind::Fat16);
     let mut full = good.clone();
     let free = fat_image::free_bytes(&mut full);
-    fat_image::put(&mut full, "most.bin", free - 3 * 1_024);
+    fat_image::put(&mut full, "most.bin", free - 2 * 1_024);
     let mut without_cluster_size = good.clone();
     without_cluster_size[2_048 * 512 + 13] = 0;
     let of = Card::holding;
@@ -162,11 +165,11 @@ fn failures() -> Vec<Failure> {
         card.fault(Transfer::Write, nth, Fault::Damaged)
     });
     let cards = [
-        (of(&[0; 1 << 20]), NOT_FAT),
-        (of(&fat_image::formatted(Kind::Fat12)), NOT_FAT),
-        (of(&without_cluster_size), NOT_FAT),
+        (of(&[0; 1 << 20]), BLANK),
+        (of(&fat_image::formatted(Kind::Fat12)), FAT12),
+        (of(&without_cluster_size), DAMAGED),
         (of(&good).write_protected(), PROTECTED),
-        (of(&full), ("Full", "the card is full")),
+        (of(&full), FULL),
         (pulled_at(0), PULLED),
         (pulled_at(7), PULLED),
         (broken, FAILED),
@@ -208,7 +211,7 @@ fn a_card_that_takes_the_place_of_another_in_mid_file_stays_as_it_was() {
     let Some(firmware) = image() else { return };
     let mut other = fat_image::formatted(Kind::Fat16);
     fat_image::put(&mut other, "holiday.jpg", 300_000);
-    let slow = Card::holding(&fat_image::formatted(Kind::Fat16)).busy_for_ns(20 * MS);
+    let slow = Card::holding(&fat_image::formatted(Kind::Fat16)).busy_for_ns(100 * MS);
     let again = [WorldNanos(8 * SECOND)];
     let mut board = after_a_test(&firmware, Some(slow), &again);
     // Some blocks have been written, some have not.
@@ -218,7 +221,7 @@ fn a_card_that_takes_the_place_of_another_in_mid_file_stays_as_it_was() {
     let first = board.swap_card(Some(swapped)).unwrap().unwrap();
     assert!(first.transfers(Transfer::Write) > 0);
     board.run_to(WorldNanos(7 * SECOND)).unwrap();
-    let expected = "the log is not saved: Pulled";
+    let expected = "the log is not saved: Gone";
     assert_eq!(lines_about_the_card(&mut board), [expected]);
     let swapped = board.swap_card(None).unwrap().unwrap();
     assert_eq!(swapped.transfers(Transfer::Write), 0);

@@ -14,8 +14,8 @@ mod image_check;
 mod images;
 mod overlay;
 mod specimens;
+mod tally;
 
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
@@ -65,19 +65,4 @@ pub fn run(options: &Options) -> Result<()> {
         "{failed} cards were not treated as they should be"
     );
     Ok(())
-}
-
-/// How often each outcome was seen.
-#[derive(Default)]
-struct Tally(BTreeMap<&'static str, u64>);
-
-impl Tally {
-    fn add(&mut self, outcome: &'static str) {
-        *self.0.entry(outcome).or_default() += 1;
-    }
-
-    fn line(&self) -> String {
-        let all = self.0.iter().map(|(what, count)| format!("{what} {count}"));
-        all.collect::<Vec<_>>().join(", ")
-    }
 }

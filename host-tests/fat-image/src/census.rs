@@ -13,8 +13,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-use crate::BLOCK;
-
+/// Bytes of a block.
+pub const BLOCK: usize = 512;
 /// A block's bytes.
 pub type Block = [u8; BLOCK];
 

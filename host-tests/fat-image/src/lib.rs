@@ -13,15 +13,13 @@
 
 mod census;
 
-pub use census::{Block, Census, Foreign, Item};
+pub use census::{BLOCK, Block, Census, Foreign, Item};
 
 use std::collections::BTreeMap;
 use std::io::{self, Cursor, Read as _, Write as _};
 
 use fatfs::{DateTime, FatType, FileSystem, FormatVolumeOptions, FsOptions};
 
-/// Bytes of a block.
-pub const BLOCK: usize = 512;
 /// Where the partition begins, in blocks, as on cards from a shop.
 pub const FIRST: usize = 2_048;
 

@@ -1,8 +1,8 @@
 //! Every single bit of the blocks on which all others depend.
 
-use super::Tally;
 use super::overlay::{Outcome, Overlay};
 use super::specimens::Specimen;
+use super::tally::Tally;
 
 /// A file of 30 blocks.
 const FILE: [u8; 15_000] = [b'7'; 15_000];

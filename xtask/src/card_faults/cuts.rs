@@ -6,9 +6,9 @@
 
 use fat_image::{Census, FIRST};
 
-use super::Tally;
 use super::overlay::Overlay;
 use super::specimens::{Specimen, block};
+use super::tally::Tally;
 
 /// A file of 30 blocks.
 const FILE: [u8; 15_000] = [b'7'; 15_000];

@@ -8,9 +8,9 @@ use std::collections::BTreeMap;
 use fastrand::Rng;
 use fat_image::Block;
 
-use super::Tally;
 use super::overlay::{Outcome, Overlay};
 use super::specimens::{Specimen, block};
+use super::tally::Tally;
 
 /// A file of 30 blocks.
 const FILE: [u8; 15_000] = [b'7'; 15_000];

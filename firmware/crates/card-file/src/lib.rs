@@ -76,6 +76,7 @@ mod name;
 mod not_saved;
 mod partition;
 mod root;
+mod stretch;
 mod table;
 mod volume;
 

@@ -10,21 +10,8 @@
 use crate::bytes::{Block, byte, is_signed, word};
 use crate::disk::{BLOCK, Disk};
 use crate::not_saved::NotSaved;
+use crate::stretch::Stretch;
 use crate::volume::Volume;
-
-/// Blocks that belong together.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Stretch {
-    pub(crate) first: u32,
-    pub(crate) blocks: u32,
-}
-
-impl Stretch {
-    fn overlaps(self, other: Self) -> bool {
-        let end = |stretch: Self| stretch.first.saturating_add(stretch.blocks);
-        self.first < end(other) && other.first < end(self)
-    }
-}
 
 /// Types of a master boot record's entries.
 const EXTENDED: [u32; 3] = [0x05, 0x0F, 0x85];

@@ -67,8 +67,12 @@ impl Root {
                 look.entry(tables, &block, number, at)?;
             }
         }
-        if look.unlike > look.like {
-            return Err(NotSaved::BootDamaged);
+        if look.unlike + look.broken > look.like {
+            return Err(if look.broken > look.unlike {
+                NotSaved::TableDamaged
+            } else {
+                NotSaved::BootDamaged
+            });
         }
         let place = match (look.free, blocks.chain) {
             (Some((number, at)), _) => Place::Free { number, at },
@@ -93,9 +97,11 @@ struct Look {
     last_file: u16,
     /// Directories with a name of ours.
     directories: u32,
-    /// Files whose chains are as long as their sizes ask for, and others.
+    /// Files whose chains are as long as their sizes ask for, are of another length, and end in
+    /// nothing or differ between the tables.
     like: u32,
     unlike: u32,
+    broken: u32,
 }
 
 impl Look {
@@ -145,7 +151,8 @@ impl Look {
             }
         }
         let size = word(block, at + 28);
-        if attributes & DIRECTORY == 0 && size > 0 && self.like + self.unlike < PROVED {
+        if attributes & DIRECTORY == 0 && size > 0 && self.like + self.unlike + self.broken < PROVED
+        {
             self.prove(tables, cluster_at(tables, block, at), size)?;
         }
         Ok(())
@@ -159,22 +166,19 @@ impl Look {
         }
         let mut cluster = first;
         let mut seen = 0;
-        let is_like = loop {
+        let count = loop {
             if seen == wanted || !tables.volume.has_cluster(cluster) {
-                break false;
+                break &mut self.unlike;
             }
             seen += 1;
             match tables.entry(cluster)? {
                 Entry::Next(next) => cluster = next,
-                Entry::Last => break seen == wanted,
-                Entry::Free | Entry::Other => break false,
+                Entry::Last if seen == wanted => break &mut self.like,
+                Entry::Last => break &mut self.unlike,
+                Entry::Free | Entry::Other => break &mut self.broken,
             }
         };
-        if is_like {
-            self.like += 1;
-        } else {
-            self.unlike += 1;
-        }
+        *count += 1;
         Ok(())
     }
 }

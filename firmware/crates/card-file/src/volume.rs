@@ -3,8 +3,8 @@
 //! *Design.* A boot record is believed where something else on the card agrees with it: its backup
 //! (FAT32), the partition and the card, and the tables, each of which has to begin with the media
 //! byte. That fixes where the tables are, how long they are and how many, and so where the clusters
-//! begin. What nothing on a card repeats has to be what every formatter writes: 512 entries in the
-//! root of FAT16. Whether there are 16 or 32 bits is told by the fields, as Windows, macOS and Linux
+//! begin. What nothing on a card repeats has to be what formatters write: 512 entries in the root of
+//! FAT16, or a cluster of them. Whether there are 16 or 32 bits is told by the fields, as Windows, macOS and Linux
 //! do, and not by the number of clusters: FAT32 has no short table length and no fixed root.
 //!
 //! *Limits.* The size of a cluster on FAT16 stands nowhere else: see `root.rs` for what proves it.
@@ -12,7 +12,7 @@
 use crate::bytes::{Block, byte, half, is_signed, word};
 use crate::disk::{BLOCK, Disk};
 use crate::not_saved::NotSaved;
-use crate::partition::Stretch;
+use crate::stretch::Stretch;
 
 /// The number of a volume's first cluster.
 pub(crate) const FIRST_CLUSTER: u32 = 2;
@@ -24,7 +24,8 @@ const FAT16_MAX: u32 = 65_524;
 /// Clusters of the largest FAT32 volume.
 const FAT32_MAX: u32 = 0x0FFF_FFF5;
 
-/// The entries in the root directory of FAT16.
+/// The entries in the root directory of FAT16: so many, or a cluster of them (mkfs.fat) if that is
+/// more.
 const ROOT_ENTRIES: u32 = 512;
 
 /// Where a volume has its parts, in blocks of the card.
@@ -96,19 +97,18 @@ impl Volume {
         let clusters = data_blocks.ok_or(DAMAGED)? / blocks_per_cluster;
         let entries = per_table.saturating_mul(entries_per_block(has_32_bits));
         first.checked_add(blocks).ok_or(NotSaved::Beyond)?;
-        let (expected_entries, most) = if has_32_bits {
-            (0, FAT32_MAX)
+        let (has_its_root, most) = if has_32_bits {
+            (root_entries == 0, FAT32_MAX)
         } else {
-            (ROOT_ENTRIES, FAT16_MAX)
+            let of_a_cluster = 16 * blocks_per_cluster;
+            let is_usual = root_entries == ROOT_ENTRIES;
+            let is_aligned = root_entries > ROOT_ENTRIES && root_entries == of_a_cluster;
+            (is_usual || is_aligned, FAT16_MAX)
         };
         if !has_32_bits && clusters < FAT16_MIN {
             return Err(NotSaved::Fat12);
         }
-        if root_entries != expected_entries
-            || clusters == 0
-            || clusters > most
-            || entries < clusters + FIRST_CLUSTER
-        {
+        if !has_its_root || clusters == 0 || clusters > most || entries < clusters + FIRST_CLUSTER {
             return Err(DAMAGED);
         }
         let mut volume = Self {
@@ -259,8 +259,16 @@ fn kind(disk: &mut dyn Disk, first: u32, boot: &Block) -> Result<Option<NotSaved
         1_024 | 2_048 | 4_096 if is_signed(boot) => return Ok(Some(NotSaved::SectorSize)),
         _ => {}
     }
-    // The superblock of ext stands 1024 bytes behind the beginning.
     let mut block = [0; BLOCK];
+    // On a card whose tables count sectors of 4096 bytes, it begins where they say.
+    let of_4096 = first.saturating_mul(8);
+    if first > 0 && of_4096 < disk.blocks() {
+        disk.read(of_4096, &mut block)?;
+        if is_signed(&block) && half(&block, 11) == 4_096 {
+            return Ok(Some(NotSaved::SectorSize));
+        }
+    }
+    // The superblock of ext stands 1024 bytes behind the beginning.
     if first.saturating_add(2) < disk.blocks() {
         disk.read(first + 2, &mut block)?;
         if half(&block, 56) == 0xEF53 {

@@ -14,6 +14,9 @@ use variant::Variant;
 /// How a PING is answered: with the board's time (the default), or as the MAVLink guide's echo.
 const PINGS: [&str; 2] = ["rtos", "echo"];
 
+/// Rates of the MAVLink line, the default first; 57 600 is what SiK radios have out of their box.
+const MAVLINK_BAUDS: [u32; 2] = [115_200, 57_600];
+
 /// Settings that have another name now, and that name.
 const RENAMED: [(&str, &str); 1] = [("PIXCLOCK_WAY", "PIXCLOCK_VARIANT")];
 
@@ -64,6 +67,13 @@ fn settings() -> String {
         &mut settings,
         "The rate of the receiver's line (`PIXCLOCK_GPS_BAUD`). [Bd]",
         &format!("GPS_BAUD: u32 = {gps_baud}"),
+    );
+    let [default, ..] = MAVLINK_BAUDS;
+    let mavlink_baud = choice("PIXCLOCK_MAVLINK_BAUD", default, MAVLINK_BAUDS, "");
+    constant(
+        &mut settings,
+        "The rate of the MAVLink line (`PIXCLOCK_MAVLINK_BAUD`). [Bd]",
+        &format!("MAVLINK_BAUD: u32 = {mavlink_baud}"),
     );
     let [ping, _] = PINGS;
     let echo = choice("PIXCLOCK_PING", ping, PINGS, "") == "echo";

@@ -1,12 +1,13 @@
 //! From reset to a board whose time runs and whose lines are open.
 //!
-//! *Design.* Power for the connectors first, so that the receiver and the telemetry radio start while
-//! this does; then clocks, the time, priorities, and last what is stamped or may interrupt. What
+//! *Design.* First what a bootloader may have left running is stopped ([`board::take_over`]); the core's
+//! own state was set by [`reset`](crate::reset). Power for the connectors first, so that the receiver and the telemetry radio start while
+//! this does; then clocks, the time, priorities, interrupts, and last what is stamped or may interrupt. What
 //! cannot be brought up ends the start with its reason in the log.
 
 use cortex_m::peripheral::NVIC;
 use sample_log::SampleLog;
-use stm32f4xx_hal::gpio::PinState;
+use stm32f4xx_hal::gpio::{Input, PD4, PinState};
 use stm32f4xx_hal::pac::{self, Interrupt};
 use stm32f4xx_hal::prelude::*;
 
@@ -14,9 +15,9 @@ use crate::drivers::card::Card;
 use crate::drivers::led::Led;
 use crate::drivers::pulse::{self, Pulse};
 use crate::drivers::sdio::{Pins, Sdio};
-use crate::drivers::time;
+use crate::drivers::{backup, freeze, time, watchdog};
 use crate::lines::{self, Lines};
-use crate::{board, executors, priorities, sample_memory};
+use crate::{board, executors, fault, priorities, sample_memory};
 
 /// What the tasks use of a board.
 pub struct Hardware {
@@ -30,27 +31,39 @@ pub struct Hardware {
     pub card: Option<Card>,
     /// The amber LED.
     pub led: Led,
+    /// TELEM1's RTS, held high by a resistor.
+    pub ready: PD4<Input>,
 }
 
 /// Brings the board up, once.
 pub fn bring_up() -> Hardware {
     let (Some(mut core), Some(chip)) = (cortex_m::Peripherals::take(), pac::Peripherals::take())
     else {
-        defmt::panic!("the board was brought up twice");
+        panic!("the board was brought up twice");
     };
+    board::take_over(&chip.RCC);
+    freeze::with_the_core();
+    watchdog::start();
+    backup::open();
     let mut rcc = chip.RCC.constrain();
     let gpioa = chip.GPIOA.split(&mut rcc);
+    let gpiod = chip.GPIOD.split(&mut rcc);
+    // The radio's CTS has a level before the radio has power, but none that is driven.
+    let ready = gpiod.pd4.into_pull_up_input();
     // nVDD_5V_PERIPH_EN feeds the receiver and the telemetry radio.
     let _powered = gpioa.pa8.into_push_pull_output_in_state(PinState::Low);
-    let mut rcc = board::clocks(rcc);
+    let Ok(mut rcc) = board::clocks(rcc) else {
+        fault::crystal_failed()
+    };
     let gpioc = chip.GPIOC.split(&mut rcc);
-    let gpiod = chip.GPIOD.split(&mut rcc);
     let gpioe = chip.GPIOE.split(&mut rcc);
 
     if let Err(refused) = time::start(core.SYST, &mut core.SCB, chip.TIM5, &mut rcc) {
-        defmt::panic!("SysTick did not get its priority: {}", refused);
+        panic!("SysTick did not get its priority: {refused:?}");
     }
     set_priorities(&mut core.NVIC);
+    // SAFETY: every interrupt that is enabled has its handler and its priority.
+    unsafe { cortex_m::interrupt::enable() };
     let lines = lines::start(
         (chip.UART4, chip.USART2),
         (gpioa.pa0, gpioa.pa1),
@@ -74,6 +87,7 @@ pub fn bring_up() -> Hardware {
         samples,
         card,
         led: Led::new(gpioe.pe12),
+        ready,
     }
 }
 

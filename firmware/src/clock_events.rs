@@ -6,6 +6,7 @@
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
+use fault_record::{Place, Reason};
 use ubx_link::Setting;
 
 use crate::not_saved::NotSaved;
@@ -38,6 +39,13 @@ pub enum ClockEvent {
     PulseLost,
     /// The receiver does not take a setting.
     Refused(Setting),
+    /// A fault ended the run before.
+    Restarted {
+        /// Why.
+        reason: Reason,
+        /// Where.
+        place: Place,
+    },
     /// The log of a test has no more room.
     LogFull,
     /// The log of a test is on the card.

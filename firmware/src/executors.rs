@@ -31,7 +31,7 @@ pub fn start_low() -> SendSpawner {
 pub fn spawn<S: Send>(executor: &SendSpawner, task: Result<SpawnToken<S>, SpawnError>) {
     match task {
         Ok(task) => executor.spawn(task),
-        Err(_) => defmt::panic!("a task was started twice"),
+        Err(_) => panic!("a task was started twice"),
     }
 }
 

@@ -1,58 +1,293 @@
-//! The end of a run: the reason in the log, then a flashing LED forever.
+//! The end of a run: shown by the LED, recorded for the next run, logged, and then a restart.
 //!
-//! *Design.* Nothing of the running system is used: interrupts are off, the LED is set by its
-//! registers, time is counted in instructions.
+//! | the end | comes from |
+//! |---|---|
+//! | a panic | the program |
+//! | a hard fault | the core; bus, memory and usage faults are not enabled, and so become one |
+//! | an exception or interrupt without a handler | the core |
+//! | the crystal failed | the clock security system's NMI, or the start |
+//! | a task that did not come by | [`supervision`](crate::supervision) |
 //!
-//! *Limits.* The reason is in the log's buffer, where a probe reads it.
+//! *Design.* Nothing of the running system is trusted. Interrupts are off, the stack is another one, the
+//! LED is set by its registers. First the LED is lit, then the record is written, and the log comes
+//! last, because a fault may have come in the middle of its frame. A fault in here leads to the LED at
+//! once.
+//!
+//! The LED flashes twice shortly and once long, as nothing else does; then the board restarts. The
+//! third restart for one reason within a minute is not made: the board stops, and goes on flashing, and after each
+//! such group it flashes the reason's number ([`Reason::number`]). Time is counted by TIM5 at the rate of the clock
+//! that the core has just now; should that timer stand still, passes of a loop are counted in its
+//! place. So the shape of the pattern needs no particular clock.
+//!
+//! *Limits.* A fault with the fault handler's priority, or above it, locks the core up; then the watchdog
+//! resets the board, and the next run tells that.
 
+use core::arch::naked_asm;
 use core::panic::PanicInfo;
+use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use cortex_m::peripheral::SCB;
-use cortex_m_rt::{ExceptionFrame, exception};
-use timebase::CORE_HZ;
+use embassy_time::Instant;
+use fault_record::{Hang, History, Place, Reason, Record, Registers};
+use stm32f4xx_hal::pac::{RCC, TIM5};
+use timebase::divide;
 
-use crate::drivers::led;
-use crate::logger;
+use crate::drivers::{backup, led, watchdog};
+use crate::{board, logger, story};
+
+/// The group that says that a run has ended: two short flashes, one long. For how long the LED is lit and
+/// dark in turns. \[ms\]
+const ENDED: [u32; 6] = [100, 100, 100, 100, 400, 400];
+
+/// After that group, before the reason's number and behind it: dark. \[ms\]
+const PAUSE_MS: u32 = 600;
+
+/// Each flash of the number: lit, and dark. \[ms\]
+const DIGIT_MS: (u32, u32) = (150, 250);
+
+/// Exceptions that say that the core cannot go on: hard fault, and MPU, bus and usage faults.
+const FAULTS: core::ops::RangeInclusive<u16> = 3..=6;
+
+/// The exception of the clock security system.
+const NMI: u16 = 2;
+
+/// CFSR: the frame could not be written, by a bus or an MPU error, and so is not there.
+const NOT_STACKED: u32 = 1 << 12 | 1 << 4;
+
+/// CFSR: BFAR, MMFAR is valid.
+const BFAR_VALID: u32 = 1 << 15;
+const MMFAR_VALID: u32 = 1 << 7;
+
+/// A fault is being told: another one while it is comes from telling it.
+static IS_ENDING: AtomicBool = AtomicBool::new(false);
+
+unsafe extern "C" {
+    static _stack_end: u32;
+    static _stack_start: u32;
+}
+
+/// All exceptions and interrupts without a handler of their own come here, NMI among them.
+#[unsafe(naked)]
+#[unsafe(no_mangle)]
+unsafe extern "C" fn DefaultHandler() {
+    naked_asm!("b HardFault")
+}
+
+/// Leaves the stack, which may be full, before anything is pushed. It is neither read nor written.
+#[unsafe(naked)]
+#[unsafe(no_mangle)]
+unsafe extern "C" fn HardFault() -> ! {
+    naked_asm!(
+        "cpsid i",
+        "tst lr, #4",
+        "ite eq",
+        "mrseq r0, MSP",
+        "mrsne r0, PSP",
+        "ldr r1, =_fault_stack_start",
+        "msr MSP, r1",
+        "b {on_exception}",
+        on_exception = sym on_exception,
+    )
+}
+
+/// Tells the exception that has its frame at `sp`.
+extern "C" fn on_exception(sp: u32) -> ! {
+    // SAFETY: reading these has no side effect.
+    let (exception, cfsr, bfar, mmfar) = unsafe {
+        let scb = &*SCB::PTR;
+        (
+            (scb.icsr.read() & 0x1FF) as u16,
+            scb.cfsr.read(),
+            scb.bfar.read(),
+            scb.mmfar.read(),
+        )
+    };
+    let reason = match exception {
+        NMI if board::take_crystal_failure() => Reason::Crystal,
+        _ if FAULTS.contains(&exception) => Reason::HardFault,
+        _ => Reason::Unexpected(exception),
+    };
+    let (place, mut registers) = if cfsr & NOT_STACKED == 0 {
+        interrupted(sp)
+    } else {
+        (Place::StackOverflow, Registers::default())
+    };
+    registers.sp = sp;
+    registers.cfsr = cfsr;
+    registers.address = match cfsr {
+        _ if cfsr & BFAR_VALID != 0 => bfar,
+        _ if cfsr & MMFAR_VALID != 0 => mmfar,
+        _ => 0,
+    };
+    end(reason, place, registers)
+}
+
+/// What an exception whose frame is at `sp` has interrupted. A pointer below the stack is what an
+/// overflow leaves; anywhere else outside it, it is of no use.
+fn interrupted(sp: u32) -> (Place, Registers) {
+    /// r0 to r3, r12, lr, pc, xPSR.
+    const FRAME: usize = 8;
+    let lowest = (&raw const _stack_end).addr() as u32;
+    let highest = (&raw const _stack_start).addr() as u32 - FRAME as u32 * 4;
+    if sp < lowest {
+        return (Place::StackOverflow, Registers::default());
+    }
+    if sp > highest || !sp.is_multiple_of(4) {
+        return (Place::Unknown, Registers::default());
+    }
+    // SAFETY: as just found, these words lie within the stack and are aligned.
+    let frame = unsafe { core::ptr::with_exposed_provenance::<[u32; FRAME]>(sp as usize).read() };
+    let [r0, r1, r2, r3, r12, lr, pc, xpsr] = frame;
+    let registers = Registers {
+        r: [r0, r1, r2, r3],
+        r12,
+        lr,
+        sp,
+        xpsr,
+        ..Registers::default()
+    };
+    (Place::Instruction(pc), registers)
+}
 
 #[panic_handler]
 fn panic(info: &PanicInfo) -> ! {
     cortex_m::interrupt::disable();
+    let place = info.location().map_or(Place::Unknown, |location| {
+        let file = location.file();
+        Place::Source {
+            file: file.as_ptr().addr() as u32,
+            len: u16::try_from(file.len()).unwrap_or(u16::MAX),
+            line: u16::try_from(location.line()).unwrap_or(u16::MAX),
+        }
+    });
+    let registers = Registers {
+        sp: cortex_m::register::msp::read(),
+        ..Registers::default()
+    };
+    // Without what is formatted: that would bring core's whole machinery of it, and the line of the
+    // source says the same.
+    let message = info.message().as_str().unwrap_or_default();
+    end_with(Reason::Panic, place, registers, message)
+}
+
+/// Ends the run because the crystal does not start.
+pub fn crystal_failed() -> ! {
+    end(Reason::Crystal, Place::Unknown, Registers::default())
+}
+
+/// Ends the run because a task did not come by; `sp` is where the exception that found this has its
+/// frame.
+#[cold]
+pub fn task_stopped(which: Hang, sp: u32) -> ! {
+    cortex_m::interrupt::disable();
+    let (place, registers) = interrupted(sp);
+    end(Reason::Task(which), place, registers)
+}
+
+/// Stops the board for a `reason` that is recorded already.
+pub fn stop(reason: Reason) -> ! {
+    cortex_m::interrupt::disable();
+    IS_ENDING.store(true, Relaxed);
+    show_for_ever(reason)
+}
+
+fn end(reason: Reason, place: Place, registers: Registers) -> ! {
+    end_with(reason, place, registers, "")
+}
+
+/// Shows, records and logs the end of the run; the log has the `message`, too.
+#[inline(never)]
+fn end_with(reason: Reason, place: Place, registers: Registers, message: &str) -> ! {
+    cortex_m::interrupt::disable();
+    light(true);
+    if IS_ENDING.swap(true, Relaxed) {
+        // The record was written, or could not be.
+        restart()
+    }
+    let up_ms = up_ms();
+    backup::open();
+    let before = story::recorded().map(|record| (record.reason, record.history));
+    let record = Record {
+        reason,
+        place,
+        registers,
+        up_ms,
+        history: History::at(reason, up_ms, before),
+        is_told: false,
+    };
+    story::keep(&record);
     // SAFETY: interrupts are off, and this never returns.
     unsafe { logger::seize() };
-    defmt::error!("panicked: {}", defmt::Display2Format(info));
-    flash_forever()
+    if !message.is_empty() {
+        defmt::error!("panicked: {=str}", message);
+    }
+    story::log("", &record);
+    if record.history.is_enough() {
+        defmt::error!("stopped: restarting does not help");
+        show_for_ever(reason)
+    } else {
+        restart()
+    }
 }
 
-/// `defmt::panic!` has logged its reason before it comes here.
-#[defmt::panic_handler]
-fn logged_panic() -> ! {
-    cortex_m::interrupt::disable();
-    flash_forever()
+/// How long the run has lasted. \[ms\]
+#[inline(never)]
+pub fn up_ms() -> u32 {
+    u32::try_from(divide::<1_000>(Instant::now().as_micros())).unwrap_or(u32::MAX)
 }
 
-#[exception]
-unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    cortex_m::interrupt::disable();
-    // SAFETY: interrupts are off, and this never returns.
-    unsafe { logger::seize() };
-    // SAFETY: reading the fault status has no side effect.
-    let (configurable, hard) = unsafe { ((*SCB::PTR).cfsr.read(), (*SCB::PTR).hfsr.read()) };
-    defmt::error!(
-        "hard fault at {=u32:#010x}, called from {=u32:#010x}, CFSR {=u32:#010x}, HFSR {=u32:#010x}",
-        frame.pc(),
-        frame.lr(),
-        configurable,
-        hard
-    );
-    flash_forever()
+fn restart() -> ! {
+    show(&ENDED);
+    SCB::sys_reset()
 }
 
-/// Ten flashes a second.
-fn flash_forever() -> ! {
-    // SAFETY: interrupts are off, and this code never returns.
-    let mut change_led = unsafe { led::seize() };
+#[inline(never)]
+fn show_for_ever(reason: Reason) -> ! {
+    let (lit, dark) = DIGIT_MS;
     loop {
-        change_led();
-        cortex_m::asm::delay(CORE_HZ / 20);
+        show(&ENDED);
+        show(&[0, PAUSE_MS]);
+        for _ in 0..reason.number() {
+            show(&[lit, dark]);
+        }
+        show(&[0, PAUSE_MS]);
+    }
+}
+
+/// Lights the LED and leaves it dark in turns.
+#[inline(never)]
+fn show(times_ms: &[u32]) {
+    for (n, &ms) in times_ms.iter().enumerate() {
+        light(n % 2 == 0 && ms > 0);
+        wait(ms);
+    }
+}
+
+fn light(is_lit: bool) {
+    // SAFETY: interrupts are off, and whoever calls this never returns.
+    unsafe { led::force(is_lit) }
+}
+
+/// Waits, and feeds the watchdog meanwhile.
+fn wait(ms: u32) {
+    // SAFETY: nothing else runs any more, so the timer has no other user.
+    let tim5 = unsafe {
+        let rcc = &*RCC::ptr();
+        rcc.apb1enr().modify(|_, w| w.tim5en().enabled());
+        rcc.apb1enr().read();
+        &*TIM5::ptr()
+    };
+    let counts_a_ms = board::witness_khz();
+    tim5.psc().write(|w| w.psc().set(0));
+    tim5.egr().write(|w| w.ug().update());
+    tim5.cr1().write(|w| w.cen().enabled());
+    let counts = ms * counts_a_ms;
+    // A pass takes at least as long as some counts of the timer, so that this is only for one that
+    // stands still.
+    for _ in 0..counts {
+        watchdog::feed();
+        if tim5.cnt().read().bits() >= counts {
+            break;
+        }
     }
 }

@@ -13,9 +13,6 @@ use stm32f4xx_hal::serial::Serial;
 use crate::drivers::uart::{Incoming, Line, Reader, Writer};
 use crate::settings;
 
-/// The rate of the MAVLink line. [Bd]
-const MAVLINK_BAUD: u32 = 115_200;
-
 /// A line over the given UART, whose outgoing ring holds one byte less than `$outgoing`.
 macro_rules! line {
     ($name:ident, $uart:ident, $outgoing:literal) => {
@@ -50,20 +47,24 @@ pub struct Lines {
     pub mavlink: (Reader, Writer),
 }
 
-/// Starts both lines, once. The time runs already, and the interrupts have their priorities.
+/// Starts both lines, once. A connector with nothing in it would pick up noise, so a resistor holds each receiving
+/// pin at the level of an idle line. The time runs already, and the interrupts have their priorities.
 pub fn start(
     (uart4, usart2): (UART4, USART2),
     gps_pins: (PA0, PA1),
     telem1_pins: (PD5, PD6),
     rcc: &mut Rcc,
 ) -> Lines {
+    // Changing a pin's function leaves its resistor.
+    let gps_pins = (gps_pins.0, gps_pins.1.into_pull_up_input());
+    let telem1_pins = (telem1_pins.0, telem1_pins.1.into_pull_up_input());
     let gnss = Serial::<_, u8>::new(uart4, gps_pins, settings::GPS_BAUD.bps(), rcc);
-    let mavlink = Serial::<_, u8>::new(usart2, telem1_pins, MAVLINK_BAUD.bps(), rcc);
+    let mavlink = Serial::<_, u8>::new(usart2, telem1_pins, settings::MAVLINK_BAUD.bps(), rcc);
     if gnss.is_err() || mavlink.is_err() {
-        defmt::panic!(
+        panic!(
             "{} or {} Bd cannot be made from the bus clock",
             settings::GPS_BAUD,
-            MAVLINK_BAUD
+            settings::MAVLINK_BAUD
         );
     }
     for interrupt in [Interrupt::UART4, Interrupt::USART2] {
@@ -72,7 +73,7 @@ pub fn start(
     }
     let clock_hz = rcc.clocks.pclk1().raw();
     let (Some(gnss), Some(mavlink)) = (GNSS.open(clock_hz), MAVLINK.open(clock_hz)) else {
-        defmt::panic!("a line was opened twice");
+        panic!("a line was opened twice");
     };
     Lines { gnss, mavlink }
 }

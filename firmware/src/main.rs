@@ -33,6 +33,7 @@ mod executors;
 mod fault;
 #[cfg(target_os = "none")]
 mod image_words;
+#[cfg(target_os = "none")]
 mod latest;
 #[cfg(target_os = "none")]
 mod lines;
@@ -45,16 +46,23 @@ mod priorities;
 #[cfg(target_os = "none")]
 mod reports;
 #[cfg(target_os = "none")]
+mod reset;
+#[cfg(target_os = "none")]
 mod sample_memory;
 #[cfg(target_os = "none")]
 mod samples;
 #[cfg(target_os = "none")]
 mod settings;
 #[cfg(target_os = "none")]
+mod stack;
+#[cfg(target_os = "none")]
 mod start;
 #[cfg(target_os = "none")]
 mod storage;
 #[cfg(target_os = "none")]
+mod story;
+#[cfg(target_os = "none")]
+mod supervision;
 #[cfg(target_os = "none")]
 mod tasks;
 #[cfg(target_os = "none")]

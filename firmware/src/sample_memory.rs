@@ -3,9 +3,6 @@
 //! *Design.* On the Pixhawk the CCM, which no DMA reaches, and the upper 64 KB of SRAM, which QEMU
 //! does not have: 8 192 samples. QEMU's board has 1 024 in ordinary RAM. The linker's start-up code
 //! does not initialize these sections, so they are cleared here.
-//!
-//! *Limits.* The CCM needs a clock. It is on after a reset (RM0090, RCC_AHB1ENR), and no bootloader
-//! has a reason to stop it.
 
 use core::mem::MaybeUninit;
 use core::slice;

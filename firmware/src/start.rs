@@ -1,8 +1,9 @@
 //! The start: board, executors, tasks; and the alarm.
 
+use core::arch::naked_asm;
+
 use cortex_m::peripheral::scb::SystemHandler;
 use cortex_m::peripheral::{NVIC, SCB};
-use cortex_m_rt::exception;
 use stm32f4xx_hal::pac::Interrupt;
 
 use crate::bring_up::{self, Hardware};
@@ -11,8 +12,8 @@ use crate::executors::{self, spawn};
 use crate::image_words;
 use crate::samples::SAMPLES;
 use crate::settings::VARIANT;
-use crate::tasks::{gnss, led, mavlink, paper, status};
-use crate::{board, lines, storage};
+use crate::tasks::{gnss, led, mavlink, paper, ready as ready_task, status};
+use crate::{board, lines, storage, story, supervision};
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
@@ -22,9 +23,11 @@ fn main() -> ! {
         samples,
         card,
         led,
+        ready,
     } = bring_up::bring_up();
     SAMPLES.open(samples);
     log_identity();
+    story::tell();
     let high = executors::start_high();
     if VARIANT.is_papers() {
         spawn(&high, paper::run(lines.gnss));
@@ -35,6 +38,7 @@ fn main() -> ! {
     let low = executors::start_low();
     spawn(&low, led::run(led));
     spawn(&low, status::run());
+    spawn(&low, ready_task::run(ready));
     #[cfg(feature = "bench")]
     spawn(&low, crate::bench::run());
     storage::run(card)
@@ -65,9 +69,16 @@ fn log_identity() {
     }
 }
 
+/// The alarm's exception, with the place of its frame: there it is seen what was interrupted.
+#[unsafe(naked)]
+#[unsafe(no_mangle)]
+unsafe extern "C" fn PendSV() {
+    naked_asm!("mov r0, sp", "b {alarm}", alarm = sym on_alarm)
+}
+
 /// The alarm: at least once a ms, and when a timer is due.
-#[exception]
-fn PendSV() {
+extern "C" fn on_alarm(sp: u32) {
+    supervision::look(sp);
     lines::wake_readers();
     pulse::enable();
     time::on_alarm();

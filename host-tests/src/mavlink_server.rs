@@ -306,6 +306,7 @@ impl Parameters for Held<'_> {
         match parameter {
             Parameter::LogLen => self.log.len() as f32,
             Parameter::LogMissed => self.log.missed() as f32,
+            Parameter::Fault => 0.0,
             built_in => self.parameters[usize::from(built_in.index())],
         }
     }

@@ -17,7 +17,7 @@ fn parameters_are_listed_in_both_versions() {
         let mut node = node();
         note(&mut node, &Frame::message(v2, 21, 159, vec![1, 1]).bytes());
         let frames: Vec<_> = std::iter::from_fn(|| node.poll(&Board::of(0))).collect();
-        assert_eq!(frames.len(), 6);
+        assert_eq!(frames.len(), Parameter::ALL.len());
         let names = [
             "PC_VARIANT",
             "PC_TICK_US",
@@ -25,11 +25,12 @@ fn parameters_are_listed_in_both_versions() {
             "PC_SOURCE",
             "PC_LOG_LEN",
             "PC_LOG_MISSED",
+            "PC_FAULT",
         ];
         for ((index, frame), name) in (0_u8..).zip(&frames).zip(names) {
             // f32 value, u16 count, u16 index, 16 bytes of name, REAL32.
             let mut payload = (f32::from(index) + 0.5).to_le_bytes().to_vec();
-            payload.extend([6, 0, index, 0]);
+            payload.extend([7, 0, index, 0]);
             payload.extend(name.as_bytes());
             payload.resize(24, 0);
             payload.push(9);

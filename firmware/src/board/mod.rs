@@ -10,6 +10,11 @@
 #[cfg_attr(feature = "qemu", path = "qemu.rs")]
 mod this;
 
+/// The crystal does not start.
+#[derive(Clone, Copy, Debug)]
+pub struct CrystalFailed;
+
 pub use this::{
     HAS_CARD_SLOT, NAME, SAMPLE_ROOM, WITNESS_PRESCALER, WITNESS_RATIO, clocks, read_pair,
+    take_crystal_failure, take_over, witness_khz,
 };

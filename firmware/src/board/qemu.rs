@@ -4,7 +4,10 @@
 //! the chip stays on HSI. Timers count virtual time at 1 GHz. The host may stop the machine between any
 //! two instructions.
 
+use stm32f4xx_hal::pac::RCC;
 use stm32f4xx_hal::rcc::{Config, Rcc};
+
+use super::CrystalFailed;
 
 /// The board's name, for the log.
 pub const NAME: &str = "qemu";
@@ -37,7 +40,24 @@ pub fn read_pair(witness: impl Fn() -> u32, down_count: impl Fn() -> u32) -> (u3
     }
 }
 
+/// Leaves everything as it is after the reset: there is no bootloader.
+pub fn take_over(_: &RCC) {}
+
 /// Leaves the clocks as they are.
-pub fn clocks(rcc: Rcc) -> Rcc {
-    rcc.freeze(Config::hsi())
+///
+/// # Errors
+///
+/// None.
+pub fn clocks(rcc: Rcc) -> Result<Rcc, CrystalFailed> {
+    Ok(rcc.freeze(Config::hsi()))
+}
+
+/// Whether the clock security system has found that the crystal stopped; there is none.
+pub fn take_crystal_failure() -> bool {
+    false
+}
+
+/// Counts of the witness in a ms, with a prescaler of 0.
+pub fn witness_khz() -> u32 {
+    1_000_000
 }

@@ -25,24 +25,26 @@ impl Led {
     }
 }
 
-/// Takes the LED from its task, in any state of the board: the function that it returns changes the LED
-/// at each call.
+/// Lights the LED or not, in any state of the board, whoever has it.
 ///
 /// # Safety
 ///
 /// No other code runs any more.
-pub unsafe fn seize() -> impl FnMut() {
+#[inline(never)]
+pub unsafe fn force(is_lit: bool) {
     // SAFETY: the registers have no other user, by the contract. The pin is made an output because a
-    // fault may come before the board is up.
+    // fault may come before the board is up; reading back waits until the port has its clock (ES0206,
+    // 2.2.7), else the next write may be lost.
     let gpioe = unsafe {
-        (*RCC::ptr()).ahb1enr().modify(|_, w| w.gpioeen().enabled());
+        let rcc = &*RCC::ptr();
+        rcc.ahb1enr().modify(|_, w| w.gpioeen().enabled());
+        rcc.ahb1enr().read();
         &*GPIOE::ptr()
     };
     gpioe.moder().modify(|_, w| w.moder12().output());
-    move || {
-        // SAFETY: as above; one bit changes.
-        gpioe
-            .odr()
-            .modify(|r, w| unsafe { w.bits(r.bits() ^ ODR12) });
-    }
+    let dark = if is_lit { 0 } else { ODR12 };
+    // SAFETY: as above; one bit changes.
+    gpioe
+        .odr()
+        .modify(|r, w| unsafe { w.bits(r.bits() & !ODR12 | dark) });
 }

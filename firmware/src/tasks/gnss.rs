@@ -2,6 +2,7 @@
 
 use embassy_futures::select::select3;
 use embassy_time::Timer;
+use fault_record::Hang;
 use timebase::{CORE_HZ, Cycles, TimeMark};
 use ubx_link::Event;
 use utc_clock::{Outcome, PulseOutcome, Settings, UtcClock};
@@ -14,6 +15,7 @@ use crate::drivers::pulse::Pulse;
 use crate::drivers::time;
 use crate::drivers::uart::{Reader, Writer};
 use crate::reports::{GNSS, GnssReport};
+use crate::supervision::{self, no_later};
 use crate::{image_words, settings};
 
 /// The receiver is to forecast its pulse for this time after an edge, in cycles: 10 s.
@@ -25,6 +27,7 @@ pub async fn run(line: (Reader, Writer), pulse: Pulse) {
     let mut gnss = Gnss::new(line, pulse);
     let mut report_due = Cycles::BOOT;
     loop {
+        supervision::came_by(Hang::Gnss);
         let now = time::now();
         gnss.handle_messages(now);
         gnss.handle_pulses();
@@ -38,7 +41,7 @@ pub async fn run(line: (Reader, Writer), pulse: Pulse) {
             GNSS.set(gnss.report());
         }
         let due = gnss.poll_timeout(now).min(report_due);
-        let timer = Timer::at(first_instant_after(due));
+        let timer = Timer::at(no_later(first_instant_after(due)));
         select3(gnss.receiver.wait(), gnss.pulse.wait(), timer).await;
     }
 }
@@ -56,7 +59,7 @@ struct Gnss {
 impl Gnss {
     fn new(line: (Reader, Writer), pulse: Pulse) -> Self {
         let Some(writer) = CLOCK.take_writer() else {
-            defmt::panic!("the clock has a writer already");
+            panic!("the clock has a writer already");
         };
         let settings = Settings {
             // Where a recording has no NAV-TIMELS that would prove it.

@@ -5,5 +5,6 @@ pub mod gnss;
 pub mod led;
 pub mod mavlink;
 pub mod paper;
+pub mod ready;
 mod receiver;
 pub mod status;

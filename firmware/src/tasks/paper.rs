@@ -12,6 +12,7 @@
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Instant, Timer};
+use fault_record::Hang;
 use paper_clock::{Outcome, PaperClock, Wait, wakes_at};
 use timebase::{Cycles, TimeMark};
 use ubx_link::Event;
@@ -26,6 +27,7 @@ use crate::drivers::time;
 use crate::drivers::uart::{Reader, Writer};
 use crate::reports::{GNSS, GnssReport};
 use crate::settings::{GPS_BAUD, VARIANT};
+use crate::supervision::{self, no_later};
 
 /// The wait between poll and read.
 const WAIT: Wait = match VARIANT {
@@ -40,6 +42,7 @@ pub async fn run(line: (Reader, Writer)) {
     let mut clock = PaperClock::new();
     let mut report_due = Cycles::BOOT;
     loop {
+        supervision::came_by(Hang::Gnss);
         let now = time::now();
         receiver.configure(now);
         if now >= report_due {
@@ -50,7 +53,7 @@ pub async fn run(line: (Reader, Writer)) {
             .poll_timeout(now)
             .unwrap_or(report_due)
             .min(report_due);
-        let timer = Timer::at(first_instant_after(due));
+        let timer = Timer::at(no_later(first_instant_after(due)));
         if let Either::First(()) = select(receiver.wait(), timer).await
             && let Some(us) = WAIT.before_read(receiver.waiting())
         {

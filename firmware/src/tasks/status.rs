@@ -10,11 +10,11 @@ use defmt::{Format, Formatter};
 use embassy_time::{Duration, Ticker};
 use utc_clock::{ClockState, Reading};
 
-use crate::clock;
 use crate::drivers::time;
 use crate::logger;
 use crate::reports::{CARD, CardReport, GNSS, GnssReport, MAVLINK, MavlinkReport};
 use crate::settings::VARIANT;
+use crate::{clock, stack};
 
 /// Runs forever, on the low executor.
 #[embassy_executor::task]
@@ -32,7 +32,7 @@ fn log() {
     let mavlink = MAVLINK.get();
     let clock = gnss.map(|report| report.clock).unwrap_or_default();
     defmt::info!(
-        "status variant={} state={} second={} source={} utc={} unc_ns={=u64} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32}{}{}{}{}{}",
+        "status variant={} state={} second={} source={} utc={} unc_ns={=u64} ppb={=i32} leap_known={=bool} marks={=u32} refused={=u32} pings={=u32} lost_ticks={=u32} stack={=u32}{}{}{}{}{}",
         VARIANT,
         reading.state,
         gnss.map(|report| report.second).unwrap_or_default(),
@@ -45,6 +45,7 @@ fn log() {
         clock.refused(),
         mavlink.map(|report| report.node.pings).unwrap_or_default(),
         time::lost_ticks(),
+        stack::high_water(),
         Clock(clock),
         Gnss(gnss),
         Mavlink(mavlink),

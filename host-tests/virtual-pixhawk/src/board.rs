@@ -24,6 +24,7 @@ use rigless::soc::stm32f427::Stm32f427;
 
 use crate::card::{Card, Slot};
 use crate::meter::Meter;
+use crate::probe::Probe;
 use crate::pulse_wire::PulseWire;
 use crate::wire::Wire;
 
@@ -77,6 +78,7 @@ pub(crate) struct Pixhawk1 {
     hse_hz: u64,
     pace: CyclesPerInstruction,
     meter: Meter,
+    probe: Probe,
 }
 
 impl Store for Pixhawk1 {}
@@ -92,6 +94,7 @@ impl Pixhawk1 {
         pulse: PulseWire,
         card: Option<Card>,
         meter: Meter,
+        probe: Probe,
     ) -> anyhow::Result<Self> {
         let hse_hz = hse_hz(crystal_ppb);
         let mut mcu = Stm32f427::new()?;
@@ -106,6 +109,7 @@ impl Pixhawk1 {
             hse_hz,
             pace,
             meter,
+            probe,
         })
     }
 
@@ -159,7 +163,7 @@ impl Board for Pixhawk1 {
             armv7m::Fpu::FpV4Sp,
             armv7m::MpuRegions::Eight,
         );
-        spec.processor = self.meter.around(spec.processor);
+        spec.processor = self.meter.around(spec.processor, self.probe.clone());
         vec![Target::new("stm32f427", &mut self.mcu, spec)]
     }
 }

@@ -17,8 +17,6 @@
 
 use anyhow::{Context as _, ensure};
 use paper_clock::BaseTime;
-use rigless::mcu::Operate as _;
-use rigless::soc::Width;
 use timebase::Cycles;
 use timebase::capture::Phase;
 use utc_clock::{Published, Reading};
@@ -105,15 +103,6 @@ impl Pixhawk {
             .wrapping_mul(WITNESS_RATIO);
         let anchor = u64::from(high) << 32 | u64::from(low);
         Ok(Cycles(anchor + u64::from(since)))
-    }
-
-    /// A register of the part, without the side effects of a read.
-    pub(crate) fn peek(&mut self, address: u64) -> anyhow::Result<u32> {
-        let value = self.order(move |stopped| {
-            let part = &mut stopped.session.board_mut().mcu;
-            part.peek(stopped.stop.at, address, Width::W32)
-        })??;
-        Ok(value as u32)
     }
 
     fn reading_at(&mut self, cycles: Cycles) -> anyhow::Result<Reading> {

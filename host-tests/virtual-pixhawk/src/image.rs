@@ -1,19 +1,13 @@
-//! The image that is flashed, and the stand-in for the bootloader before it.
+//! The image that is flashed.
 //!
 //! *Purpose.* [`Firmware`]: the ELF file that probe-rs would flash, its bytes for
 //! the board's memory and its symbols for reading that memory.
 //!
-//! *Design.* The application is linked at 0x0800_4000, behind the bootloader of
-//! PX4. In place of that bootloader stand two vectors, an initial stack pointer
-//! and a reset vector, and the seven instructions that the reset vector points to.
-//! They do what is left of PX4's bootloader once it has decided to boot: VTOR is
-//! set to the application, its first word is loaded into SP, and its second is
-//! jumped to. The check that leads to that decision is made here: a first word that
-//! is erased, or a reset vector outside the application's flash, would leave the
-//! real one waiting for an upload, and is refused.
-//!
-//! *Limits.* The real bootloader waits, blinks and starts clocks before, and puts
-//! them back; of that nothing is to be seen here.
+//! *Design.* The application is linked at 0x0800_4000, behind a bootloader; a
+//! [`Bootloader`] stands in for that one. The check that leads it to its decision to
+//! boot is made here: a first word that is erased, or a reset vector outside the
+//! application's flash, would leave the real one waiting for an upload, and is
+//! refused.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -24,17 +18,17 @@ use object::{Object as _, ObjectSection as _, ObjectSymbol as _};
 use rigless::image::Image;
 use world::Recording;
 
+use crate::bootloader::Bootloader;
+
 /// Names the image that tests run, the one that is flashed; `cargo xtask board-test`
 /// sets it.
 pub const IMAGE_VARIABLE: &str = "PIXCLOCK_IMAGE";
 
 /// Where the bootloader is, and where the application begins behind it.
-const FLASH: u32 = 0x0800_0000;
+pub(crate) const FLASH: u32 = 0x0800_0000;
 pub(crate) const APPLICATION: u32 = FLASH + 0x4000;
 /// The most that an application may be, in bytes (PX4-Bootloader, board id 9).
 pub(crate) const APPLICATION_MAX: u32 = 1_008 * 1_024;
-/// A stack for the stand-in, which uses none: the end of the first SRAM.
-const STAND_IN_SP: u32 = 0x2001_C000;
 
 /// A place in the board's memory that the image has a name for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -224,12 +218,12 @@ impl Firmware {
             .map(|(name, _)| name.as_str())
     }
 
-    /// What a probe would have put into the flash.
-    pub(crate) fn flash(&self) -> anyhow::Result<[Image; 2]> {
+    /// What a probe would have put into the flash, behind `bootloader`.
+    pub(crate) fn flash(&self, bootloader: Bootloader) -> anyhow::Result<[Image; 2]> {
         Ok([
             Image::new(
                 Path::new("stand-in for the bootloader"),
-                bootloader_stand_in(),
+                bootloader.bytes(),
                 Some(u64::from(FLASH)),
             )?,
             // An ELF file states where its sections are stored.
@@ -250,31 +244,6 @@ fn demangled(name: &str) -> String {
     }
 }
 
-/// Two vectors, seven instructions, two constants.
-fn bootloader_stand_in() -> Vec<u8> {
-    const VTOR: u32 = 0xE000_ED08;
-    const CODE: [u16; 8] = [
-        0x4803, // ldr  r0, =VTOR
-        0x4904, // ldr  r1, =APPLICATION
-        0x6001, // str  r1, [r0]
-        0x680A, // ldr  r2, [r1, #0]
-        0x4695, // mov  sp, r2
-        0x684A, // ldr  r2, [r1, #4]
-        0x4710, // bx   r2
-        0xBF00, // nop, so that the constants are aligned
-    ];
-    const RESET: u32 = FLASH + 8;
-    let mut bytes = Vec::new();
-    bytes.extend(
-        [STAND_IN_SP, RESET | 1]
-            .map(u32::to_le_bytes)
-            .as_flattened(),
-    );
-    bytes.extend(CODE.map(u16::to_le_bytes).as_flattened());
-    bytes.extend([VTOR, APPLICATION].map(u32::to_le_bytes).as_flattened());
-    bytes
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -286,17 +255,5 @@ mod tests {
         let part = format!("{name}.2");
         assert_eq!(demangled(&part), "firmware::drivers::time::WORDS.2");
         assert_eq!(demangled("SysTick"), "SysTick");
-    }
-
-    #[test]
-    fn the_stand_in_is_two_vectors_and_what_the_second_points_to() {
-        let bytes = bootloader_stand_in();
-        let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
-        assert_eq!(bytes.len(), 32);
-        assert_eq!((word(0), word(4)), (STAND_IN_SP, 0x0800_0009));
-        // The two constants lie where the first two instructions look for them.
-        let literal = |at: usize| ((at + 4) & !3) + 4 * usize::from(bytes[at]);
-        assert_eq!(word(literal(8)), 0xE000_ED08);
-        assert_eq!(word(literal(10)), APPLICATION);
     }
 }

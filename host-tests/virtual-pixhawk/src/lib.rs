@@ -15,6 +15,7 @@
 //! hardware flow control have no model. The crystal does not wander during a run.
 
 mod board;
+mod bootloader;
 mod card;
 mod clock;
 mod gaps;
@@ -22,6 +23,7 @@ mod image;
 mod led;
 mod meter;
 mod operator;
+mod probe;
 mod pulse_wire;
 mod rtt;
 mod run;
@@ -33,12 +35,14 @@ mod waveform;
 mod wire;
 
 pub use board::CyclesPerInstruction;
+pub use bootloader::Bootloader;
 pub use card::{Card, Fault, Transfer};
 pub use clock::ClockReading;
 pub use gaps::Gaps;
 pub use image::{Firmware, IMAGE_VARIABLE, Symbol};
 pub use meter::{Profile, Tally};
 pub use operator::Logged;
+pub use probe::CoreRegister;
 pub use run::{Builder, Connector, PACE_VARIABLE, Pixhawk};
 pub use script::Script;
 pub use tcp::{TcpLine, Visits};

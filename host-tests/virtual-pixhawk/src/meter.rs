@@ -24,6 +24,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use rigless::emulator::ProcessorConstructor;
 
 use crate::image::{APPLICATION, APPLICATION_MAX, Firmware, Symbol};
+use crate::probe::Probe;
 use crate::sections::Sections;
 use crate::stepping::{Moment, Observer, Origin, Stepping, Traffic};
 
@@ -284,12 +285,20 @@ impl Count {
 pub(crate) struct Meter(Arc<Mutex<Count>>);
 
 impl Meter {
-    /// `constructor`, whose processor this meter can look at.
-    pub(crate) fn around(&self, constructor: ProcessorConstructor) -> ProcessorConstructor {
+    /// `constructor`, whose processor this meter can look at, and `probe` reach.
+    pub(crate) fn around(
+        &self,
+        constructor: ProcessorConstructor,
+        probe: Probe,
+    ) -> ProcessorConstructor {
         let count = Arc::clone(&self.0);
         Arc::new(move |endian| {
             let processor = constructor(endian)?;
-            Ok(Box::new(Stepping::new(processor, Arc::clone(&count))))
+            Ok(Box::new(Stepping::new(
+                processor,
+                Arc::clone(&count),
+                probe.clone(),
+            )))
         })
     }
 

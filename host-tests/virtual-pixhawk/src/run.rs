@@ -22,11 +22,13 @@ use rigless::time::VirtualNanos;
 use world::{Pulse, Receiver, Sent, Talker, WorldNanos};
 
 use crate::board::{CyclesPerInstruction, GPS, Pixhawk1, TELEM1};
+use crate::bootloader::Bootloader;
 use crate::card::Card;
 use crate::gaps::Gaps;
 use crate::image::Firmware;
 use crate::meter::{Meter, Profile};
 use crate::operator::{Log, Logged, Next, Operator, Order, Stopped};
+use crate::probe::Probe;
 use crate::pulse_wire::PulseWire;
 use crate::script::Script;
 use crate::wire::{ReceivedByte, Wire};
@@ -56,6 +58,7 @@ impl Connector {
 /// A Pixhawk before it has power.
 pub struct Builder {
     firmware: Firmware,
+    bootloader: Bootloader,
     crystal_ppb: i32,
     pace: CyclesPerInstruction,
     gps: Box<dyn Talker + Send>,
@@ -69,6 +72,7 @@ pub struct Builder {
 pub struct Pixhawk {
     firmware: Firmware,
     meter: Meter,
+    probe: Probe,
     orders: Option<SyncSender<Order>>,
     thread: Option<JoinHandle<Result<(), emulator::Error>>>,
     now: WorldNanos,
@@ -85,6 +89,7 @@ impl Builder {
     pub fn new(firmware: Firmware) -> Self {
         Self {
             firmware,
+            bootloader: Bootloader::default(),
             crystal_ppb: 0,
             pace: std::env::var(PACE_VARIABLE).map_or(CyclesPerInstruction::ONE, |pace| {
                 pace.parse().expect("the variable of the core's pace")
@@ -94,6 +99,13 @@ impl Builder {
             pulse: PulseWire::new(std::iter::empty()),
             card: None,
         }
+    }
+
+    /// Puts another bootloader's stand-in before the image.
+    #[must_use]
+    pub const fn bootloader(mut self, bootloader: Bootloader) -> Self {
+        self.bootloader = bootloader;
+        self
     }
 
     /// Makes the crystal run fast by `ppb` parts in 10⁹; slow, if it is negative. It
@@ -154,6 +166,7 @@ impl Builder {
     pub fn power_on(self) -> anyhow::Result<Pixhawk> {
         let Self {
             firmware,
+            bootloader,
             crystal_ppb,
             pace,
             gps,
@@ -162,6 +175,7 @@ impl Builder {
             card,
         } = self;
         let meter = Meter::default();
+        let probe = Probe::default();
         let log = Log::new(&firmware)?;
         let board = Pixhawk1::new(
             crystal_ppb,
@@ -171,8 +185,9 @@ impl Builder {
             pulse,
             card,
             meter.clone(),
+            probe.clone(),
         )?;
-        let images = firmware.flash()?;
+        let images = firmware.flash(bootloader)?;
         let session = Session::new(Box::new(board), 0, VirtualNanos(0))?;
         let (orders, inbox) = sync_channel(0);
         let operator = Operator::new(inbox, log);
@@ -186,6 +201,7 @@ impl Builder {
         Ok(Pixhawk {
             firmware,
             meter,
+            probe,
             orders: Some(orders),
             thread: Some(thread),
             now: WorldNanos(0),
@@ -228,6 +244,10 @@ impl Pixhawk {
     #[must_use]
     pub const fn firmware(&self) -> &Firmware {
         &self.firmware
+    }
+
+    pub(crate) const fn probe(&self) -> &Probe {
+        &self.probe
     }
 
     /// Instructions executed since it has power: the cycles that it was not asleep.

@@ -22,6 +22,8 @@ use rigless::emulator::{
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
 
+use crate::probe::Probe;
+
 /// The numbers under which the processor shows its registers (GDB's, for Cortex-M).
 const SP: usize = 13;
 const LR: usize = 14;
@@ -76,11 +78,16 @@ pub(crate) trait Observer: Debug + Send {
 pub(crate) struct Stepping<O> {
     inner: Box<dyn Processor>,
     observer: Arc<Mutex<O>>,
+    probe: Probe,
 }
 
 impl<O> Stepping<O> {
-    pub(crate) fn new(inner: Box<dyn Processor>, observer: Arc<Mutex<O>>) -> Self {
-        Self { inner, observer }
+    pub(crate) fn new(inner: Box<dyn Processor>, observer: Arc<Mutex<O>>, probe: Probe) -> Self {
+        Self {
+            inner,
+            observer,
+            probe,
+        }
     }
 
     fn register(&self, number: usize) -> u32 {
@@ -107,6 +114,7 @@ impl<O> Stepping<O> {
 
 impl<O: Observer> Processor for Stepping<O> {
     fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        self.probe.apply(&mut *self.inner, &*bus);
         let observer = Arc::clone(&self.observer);
         let mut observer = observer.lock().unwrap_or_else(PoisonError::into_inner);
         if !observer.is_on() {
@@ -160,6 +168,7 @@ impl<O: Observer> Processor for Stepping<O> {
     }
 
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
+        self.probe.handle_map(start, length, host);
         // SAFETY: the caller's promise is passed on as it is, and `inner` is dropped
         // with `self`.
         unsafe { self.inner.map(start, length, host, writable) };

@@ -32,17 +32,20 @@ pub enum Parameter {
     LogLen,
     /// Samples that found the log full since it was cleared.
     LogMissed,
+    /// Why the run before ended: 0 without a fault, otherwise the number that a stopped board's LED flashes.
+    Fault,
 }
 
 impl Parameter {
     /// All of them, in the order of their indices.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Variant,
         Self::TickUs,
         Self::GpsBaud,
         Self::Source,
         Self::LogLen,
         Self::LogMissed,
+        Self::Fault,
     ];
 
     /// Its name over MAVLink.
@@ -55,6 +58,7 @@ impl Parameter {
             Self::Source => "PC_SOURCE",
             Self::LogLen => "PC_LOG_LEN",
             Self::LogMissed => "PC_LOG_MISSED",
+            Self::Fault => "PC_FAULT",
         }
     }
 

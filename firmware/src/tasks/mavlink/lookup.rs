@@ -7,6 +7,7 @@ use super::broadcast;
 use crate::reports::GNSS;
 use crate::samples::SAMPLES;
 use crate::settings::{GPS_BAUD, VARIANT};
+use crate::story;
 
 /// The board that this image runs on.
 pub struct ThisBoard;
@@ -23,6 +24,7 @@ impl Parameters for ThisBoard {
             }
             Parameter::LogLen => SAMPLES.len(),
             Parameter::LogMissed => SAMPLES.with(|log| log.missed()),
+            Parameter::Fault => story::before().map_or(0, |reason| reason.number().into()),
         };
         // Exact below 2^24.
         value as f32

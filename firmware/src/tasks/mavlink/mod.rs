@@ -9,16 +9,16 @@ mod lookup;
 mod requests;
 mod words;
 
-use core::future::pending;
-
 use embassy_futures::select::{Either3, select3};
 use embassy_time::{Duration, Ticker, Timer};
+use fault_record::Hang;
 use mavlink_node::{Config, Node, PingReply};
 use timebase::StampedByte;
 
 use crate::drivers::time;
 use crate::drivers::uart::{INCOMING, Reader, Writer};
 use crate::reports::{MAVLINK, MavlinkReport};
+use crate::supervision::{self, COME_BY};
 use crate::{image_words, settings};
 use lookup::ThisBoard;
 
@@ -47,14 +47,9 @@ pub async fn run(line: (Reader, Writer)) {
     let mut batch = [StampedByte::default(); INCOMING];
     let mut beat = Ticker::every(Duration::from_secs(1));
     loop {
+        supervision::came_by(Hang::Mavlink);
         let has_more = node.has_more();
-        let pace = async move {
-            if has_more {
-                Timer::after(PACE).await;
-            } else {
-                pending::<()>().await;
-            }
-        };
+        let pace = Timer::after(if has_more { PACE } else { COME_BY });
         let woken = select3(reader.wait(), beat.next(), pace).await;
         if matches!(woken, Either3::Second(())) {
             broadcast::once_a_second(&mut node, &mut writer);

@@ -2,16 +2,21 @@
 //!
 //! *Limits.* A STATUSTEXT holds 50 characters; the longest text here is shorter.
 
+use fault_record::{Place, Reason};
 use heapless::{String, Vec};
 use mavlink_node::{Severity, difference};
 use timebase::divide;
 
 use crate::clock_events::ClockEvent;
+use crate::story;
 
 type Text = String<50>;
 
 /// The severity of an event, and its text.
 pub fn statustext(event: ClockEvent) -> (Severity, Text) {
+    if let ClockEvent::Restarted { reason, place } = event {
+        return (Severity::Error, restarted(reason, place));
+    }
     let mut text = Text::new();
     let (severity, before, number, behind) = match event {
         ClockEvent::Set => (Severity::Notice, "clock set", None, ""),
@@ -33,6 +38,7 @@ pub fn statustext(event: ClockEvent) -> (Severity, Text) {
         ClockEvent::Refused(setting) => {
             (Severity::Warning, "receiver refuses ", None, setting.name())
         }
+        ClockEvent::Restarted { .. } => (Severity::Error, "restarted", None, ""),
         ClockEvent::LogFull => (Severity::Warning, "log full", None, ""),
         ClockEvent::Saved { file, samples } => {
             push_number(&mut text, samples.into());
@@ -54,6 +60,52 @@ pub fn statustext(event: ClockEvent) -> (Severity, Text) {
     }
     let _ = text.push_str(behind);
     (severity, text)
+}
+
+/// A fault that ended the run before.
+fn restarted(reason: Reason, place: Place) -> Text {
+    /// Of a file's path, what has room.
+    const FILE: usize = 22;
+    let mut text = Text::new();
+    // All of it fits.
+    let _ = text.push_str("restarted: ");
+    let _ = match (reason, place) {
+        (Reason::Panic, Place::Source { file, len, line }) => {
+            let path = story::file_name(file, len);
+            let tail = path.get(path.len().saturating_sub(FILE)..).unwrap_or(path);
+            let _ = text.push_str("panic, ");
+            let _ = text.push_str(tail);
+            let _ = text.push(':');
+            push_number(&mut text, line.into());
+            Ok(())
+        }
+        (Reason::Panic, _) => text.push_str("panic"),
+        (Reason::HardFault, Place::StackOverflow) => text.push_str("stack overflow"),
+        (Reason::HardFault, Place::Instruction(at)) => {
+            let _ = text.push_str("hard fault at 0x");
+            push_hex(&mut text, at);
+            Ok(())
+        }
+        (Reason::HardFault, _) => text.push_str("hard fault"),
+        (Reason::Unexpected(exception), _) => {
+            let _ = text.push_str("no handler for exception ");
+            push_number(&mut text, exception.into());
+            Ok(())
+        }
+        (Reason::Crystal, _) => text.push_str("the crystal failed"),
+        (Reason::Task(which), _) => {
+            let _ = text.push_str("the task stopped: ");
+            text.push_str(story::task_name(which))
+        }
+        (Reason::Watchdog, _) => text.push_str("the watchdog was not fed"),
+    };
+    text
+}
+
+fn push_hex(text: &mut Text, number: u32) {
+    for digit in (0..8).rev().map(|n| number >> (4 * n) & 0xF) {
+        let _ = text.push(char::from_digit(digit, 16).unwrap_or('?'));
+    }
 }
 
 /// Writes a number by hand: `core::fmt` would bring 2 KB for this one.

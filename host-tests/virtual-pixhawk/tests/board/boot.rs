@@ -1,9 +1,10 @@
-//! The flashed image on the virtual board: it boots, it reports, it can be trusted.
+//! The flashed image on the virtual board, behind each bootloader's stand-in: it boots, it reports, it
+//! can be trusted.
 
 use crate::common::{MS, SECOND, START_UTC_NS, image, pings, receiver_settings};
 use console::{Level, Status};
 use mavlink_node::Version;
-use virtual_pixhawk::{Builder, Connector, Firmware, Logged, Pixhawk, Script};
+use virtual_pixhawk::{Bootloader, Builder, Connector, Firmware, Logged, Pixhawk, Script};
 use world::{Receiver, Transmission, WorldNanos};
 
 /// What the firmware may reach though no model answers: `(INSTANCE.REGISTER, whether
@@ -12,7 +13,7 @@ const EXPLAINED: [(&str, bool, &str); 0] = [];
 
 /// A board with a receiver from its box, with requests in both versions of MAVLink
 /// and with noise on both lines: everything that the firmware does.
-fn busy_board(firmware: Firmware) -> Pixhawk {
+fn busy_board(firmware: Firmware, bootloader: Bootloader) -> Pixhawk {
     let at = |n: u64| WorldNanos(SECOND + n * 300 * MS);
     let mut telem1 = pings(Version::V2, (0..6).map(at));
     telem1.extend(pings(Version::V1, (6..12).map(at)));
@@ -22,6 +23,7 @@ fn busy_board(firmware: Firmware) -> Pixhawk {
         baud: 9_600,
     });
     Builder::new(firmware)
+        .bootloader(bootloader)
         .crystal_ppb(-23_000)
         .gps(Receiver::new(receiver_settings()))
         .telem1(Script::new(telem1))
@@ -38,46 +40,88 @@ fn statuses(log: &[Logged]) -> Vec<Status> {
 #[test]
 fn it_boots_and_reports_once_a_second() {
     let Some(firmware) = image() else { return };
-    let mut board = Builder::new(firmware).power_on().unwrap();
-    board.run_to(WorldNanos(3 * SECOND + 500 * MS)).unwrap();
-    let log = board.take_log().unwrap();
-    assert!(log[0].line.text.starts_with("pixclock "), "{:?}", log[0]);
-    assert_eq!(statuses(&log).len(), 3);
-    let worse = log
-        .iter()
-        .find(|logged| logged.line.level >= Some(Level::Warn));
-    assert_eq!(worse, None);
-    assert_eq!(board.damaged_log_frames().unwrap(), 0);
-    assert_eq!(board.gaps().unwrap().resets, 0);
+    for bootloader in Bootloader::ALL {
+        let mut board = Builder::new(firmware.clone())
+            .bootloader(bootloader)
+            .power_on()
+            .unwrap();
+        board.run_to(WorldNanos(3 * SECOND + 500 * MS)).unwrap();
+        let log = board.take_log().unwrap();
+        assert!(log[0].line.text.starts_with("pixclock "), "{:?}", log[0]);
+        assert_eq!(statuses(&log).len(), 3, "{bootloader:?}");
+        let worse = log
+            .iter()
+            .find(|logged| logged.line.level >= Some(Level::Warn));
+        assert_eq!(worse, None, "{bootloader:?}");
+        assert_eq!(board.damaged_log_frames().unwrap(), 0);
+        assert_eq!(board.gaps().unwrap().resets, 0);
+    }
+}
+
+/// Bits of registers of the part that the image has to set, whatever it finds: the address, the bits,
+/// their value, and what it is.
+const REGISTERS: [(u64, u32, u32, &str); 12] = [
+    (0x4000_7000, 0b11 << 14, 0b11 << 14, "PWR_CR.VOS: scale 1"),
+    (0x4002_388C, 1 << 24, 0, "RCC_DCKCFGR.TIMPRE"),
+    (0x4002_3804, 0x0F43_7FFF, 0x0740_2A0C, "RCC_PLLCFGR"),
+    (0x4002_3808, 0xFCFF, 0x940A, "RCC_CFGR: PLL, its dividers"),
+    (0x4002_3800, 1 << 19, 1 << 19, "RCC_CR.CSSON"),
+    (0x4002_3C00, 0xF, 5, "FLASH_ACR.LATENCY"),
+    (0x4002_000C, 0b11 << 2, 0b01 << 2, "GPIOA_PUPDR: PA1 up"),
+    (0x4002_0C0C, 0b11 << 12, 0b01 << 12, "GPIOD_PUPDR: PD6 up"),
+    (0x4002_0C00, 0b11 << 8, 0b01 << 8, "GPIOD_MODER: PD4, RTS"),
+    (0x4002_0C14, 1 << 4, 0, "GPIOD_ODR: PD4 low"),
+    (0x4002_0014, 1 << 8, 0, "GPIOA_ODR: PA8 low"),
+    (0xE004_2008, 0x100C, 0x100C, "DBGMCU_APB1_FZ"),
+];
+
+#[test]
+fn clocks_pins_and_freeze_bits_are_its_own_behind_every_bootloader() {
+    let Some(firmware) = image() else { return };
+    for bootloader in Bootloader::ALL {
+        let mut board = Builder::new(firmware.clone())
+            .bootloader(bootloader)
+            .power_on()
+            .unwrap();
+        board.run_to(WorldNanos(SECOND)).unwrap();
+        for (address, bits, expected, name) in REGISTERS {
+            let found = board.peek(address).unwrap() & bits;
+            assert_eq!(found, expected, "{name}, {bootloader:?}: {found:#x}");
+        }
+    }
 }
 
 #[test]
-fn a_hard_fault_logs_where_it_was_and_stops_the_board() {
-    /// UDF: undefined for ever.
-    const UNDEFINED: u16 = 0xDE00;
+fn the_radio_is_told_to_send_when_it_has_started() {
+    const GPIOD: u64 = 0x4002_0C00;
     let Some(firmware) = image() else { return };
-    // The first byte on the MAVLink line, its own of the first second, ends it.
-    let handler = firmware.symbol("USART2").unwrap();
-    let firmware = firmware.with_instruction("USART2", UNDEFINED).unwrap();
     let mut board = Builder::new(firmware).power_on().unwrap();
-    board.run_to(WorldNanos(3 * SECOND)).unwrap();
-    let log = board.take_log().unwrap();
-    assert!(log[0].line.text.starts_with("pixclock "), "{:?}", log[0]);
-    let last = log.last().unwrap();
-    assert_eq!(last.line.level, Some(Level::Error));
-    let expected = format!("hard fault at {:#010x}", handler.address);
+    let mut levels = Vec::new();
+    for ms in (5..400).step_by(5) {
+        board.run_to(WorldNanos(ms * MS)).unwrap();
+        let mode = board.peek(GPIOD).unwrap() >> 8 & 0b11;
+        let pull = board.peek(GPIOD + 0x0C).unwrap() >> 8 & 0b11;
+        let out = board.peek(GPIOD + 0x14).unwrap() >> 4 & 1;
+        levels.push((ms, (mode, pull, out)));
+    }
+    let (pulled, driven): (Vec<_>, Vec<_>) =
+        levels.into_iter().partition(|(_, (mode, ..))| *mode == 0);
+    // An input with a pull-up, then an output that is low.
+    assert!(pulled.iter().all(|(_, (_, pull, _))| *pull == 0b01));
     assert!(
-        last.line.text.starts_with(&expected),
-        "{expected}: {last:?}"
+        driven
+            .iter()
+            .all(|(_, (mode, _, out))| (*mode, *out) == (1, 0))
     );
-    assert!((SECOND..SECOND + 100 * MS).contains(&last.at.0), "{last:?}");
-    assert_eq!(board.gaps().unwrap().resets, 0);
+    let (at_ms, _) = driven[0];
+    assert!((200..=215).contains(&at_ms), "{at_ms} ms");
+    assert!(pulled.iter().all(|(ms, _)| *ms < at_ms));
 }
 
 #[test]
 fn every_register_that_is_reached_has_a_model_or_an_explanation() {
     let Some(firmware) = image() else { return };
-    let mut board = busy_board(firmware);
+    let mut board = busy_board(firmware, Bootloader::Px4);
     board.run_to(WorldNanos(6 * SECOND)).unwrap();
     let last = statuses(&board.take_log().unwrap()).pop().unwrap();
     assert!(last.is_set(), "it has not done all that it does: {last:?}");
@@ -123,18 +167,24 @@ fn traces(mut board: Pixhawk, meets: impl Fn(&mut Pixhawk)) -> Traces {
 #[test]
 fn the_same_script_leaves_the_same_traces_however_it_is_watched() {
     let Some(firmware) = image() else { return };
+    for bootloader in Bootloader::ALL {
+        leaves_the_same_traces(&|| busy_board(firmware.clone(), bootloader));
+    }
+}
+
+fn leaves_the_same_traces(power_on: &dyn Fn() -> Pixhawk) {
     let end = WorldNanos(5 * SECOND);
-    let first = traces(busy_board(firmware.clone()), |board| {
+    let first = traces(power_on(), |board| {
         board.run_to(end).unwrap();
     });
     assert!(first.log.len() >= 5 && first.sent.len() > 100);
 
-    let again = traces(busy_board(firmware.clone()), |board| {
+    let again = traces(power_on(), |board| {
         board.run_to(end).unwrap();
     });
     assert_eq!(first, again);
 
-    let in_pieces = traces(busy_board(firmware.clone()), |board| {
+    let in_pieces = traces(power_on(), |board| {
         for piece in 1..=50 {
             board
                 .run_to(WorldNanos(end.0 / 50 * piece + piece % 7))
@@ -144,7 +194,7 @@ fn the_same_script_leaves_the_same_traces_however_it_is_watched() {
     });
     assert_eq!(first, in_pieces);
 
-    let metered = traces(busy_board(firmware), |board| {
+    let metered = traces(power_on(), |board| {
         board.run_to(WorldNanos(4 * SECOND)).unwrap();
         board.start_meter(&[]).unwrap();
         board.run_to(WorldNanos(4 * SECOND + 400 * MS)).unwrap();
@@ -157,7 +207,13 @@ fn the_same_script_leaves_the_same_traces_however_it_is_watched() {
 #[test]
 fn statics_are_read_where_the_board_stands() {
     let Some(firmware) = image() else { return };
-    let mut board = Builder::new(firmware).power_on().unwrap();
+    for bootloader in Bootloader::ALL {
+        let board = Builder::new(firmware.clone()).bootloader(bootloader);
+        reads_its_clock(board.power_on().unwrap());
+    }
+}
+
+fn reads_its_clock(mut board: Pixhawk) {
     board.run_to(WorldNanos(SECOND)).unwrap();
     let early = board.clock().unwrap();
     board.run_to(WorldNanos(2 * SECOND)).unwrap();

@@ -298,7 +298,7 @@ fn the_parameters_are_those_of_the_image() {
         let (received, _) = received(&mut board);
         let values = Parameter::ALL.map(|wanted| parameter(&received, wanted).expect("a value"));
         // Variant pixclock, 50 µs, 115200, the message, an empty log.
-        assert_eq!(values, [0.0, 50.0, 115_200.0, 1.0, 0.0, 0.0]);
+        assert_eq!(values, [0.0, 50.0, 115_200.0, 1.0, 0.0, 0.0, 0.0]);
     }
 }
 

@@ -31,7 +31,8 @@ unsafe extern "C" fn __pre_init() {
         "cpsid i",
         "movs r0, #0",
         "msr BASEPRI, r0",
-        "msr FAULTMASK, r0",
+        // MSR could not: with FAULTMASK set it has no effect (ARMv7-M, B5.2.3).
+        "cpsie f",
         "ldr r1, =_stack_start",
         "msr MSP, r1",
         "msr CONTROL, r0",

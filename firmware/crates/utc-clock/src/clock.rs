@@ -14,10 +14,10 @@
 //! whoever takes them, except over a step.
 //!
 //! An error is absorbed at the rate that the [`Discipline`] asks for, at most [`UtcClock::MAX_SLEW`], until
-//! it is gone or the next mark knows better, and for no longer than marks may
-//! stay away: one mark alone moves the clock by 0.8 ms. Lateness is one-sided, so a clock that was
-//! set by a late mark is behind: within [`SETTLING`] of being set, and when a pulse is followed for
-//! the first time, it steps *forward* instead, by what is more than [`LEAST_STEP_NS`].
+//! it is gone or somebody knows better; one mark alone moves the clock by 0.8 ms at most. Lateness is
+//! one-sided, so a clock that was set by a late mark is behind: within [`SETTLING`] of being set it
+//! steps *forward* instead, by what is more than [`LEAST_STEP_NS`]. To a pulse that is followed anew
+//! it steps, either way, by what is more than [`LEAST_PULSE_STEP_NS`].
 //!
 //! *Limits.* A call has to end within the lead of the time that it was told. What
 //! a mark's residual means is the [`Discipline`]'s business; the bound of the slew
@@ -72,6 +72,10 @@ const SETTLING: u64 = 30 * CORE_HZ as u64;
 /// An error that is slewed away in a quarter of a second is not worth a step: 100 µs.
 const LEAST_STEP_NS: i64 = 100_000;
 
+/// To a pulse that is followed anew the clock steps, back too, where a slew would take longer than
+/// 1 s: 400 µs.
+const LEAST_PULSE_STEP_NS: i64 = 400_000;
+
 const CYCLES_PER_MS: u64 = CORE_HZ as u64 / 1_000;
 
 /// Cycles in which [`UtcClock::MAX_SLEW`] absorbs one ns.
@@ -79,10 +83,6 @@ const CYCLES_PER_NS_AT_MAX_SLEW: u64 = CORE_HZ as u64 / UtcClock::MAX_SLEW.0 as 
 
 /// A clock that may be farther off has lost its second. [ns]
 const LOST_SECOND_NS: u64 = 500_000_000;
-
-/// What [`UtcClock::MAX_SLEW`] absorbs until holdover begins, in ns.
-const MOST_ABSORBED_NS: u32 =
-    UtcClock::MAX_SLEW.0.unsigned_abs() * (HOLDOVER_AFTER / CORE_HZ as u64) as u32;
 
 /// The clock that marks and pulses steer.
 #[derive(Debug)]
@@ -99,6 +99,8 @@ pub struct UtcClock<'a> {
     slew_ends: Cycles,
     /// What is still to be absorbed when a slew begins, in ns: uncertainty, until it ends.
     unabsorbed_ns: u32,
+    /// So much of that the slew absorbs until it ends. [ns]
+    absorbs_ns: u32,
     uncertainty: Uncertainty,
     latency_uncertainty_ns: u32,
     turned_ppb: f32,
@@ -147,6 +149,7 @@ impl<'a> UtcClock<'a> {
             slew: Ppb(0),
             slew_ends: Cycles::BOOT,
             unabsorbed_ns: 0,
+            absorbs_ns: 0,
             uncertainty: Uncertainty {
                 at: Cycles::BOOT,
                 phase_ns: f32::MAX,
@@ -231,8 +234,6 @@ impl<'a> UtcClock<'a> {
             self.end_slew();
         }
         if self.state == ClockState::Set && self.holdover_begins() <= now {
-            // The last mark's opinion is not worth more than this.
-            self.end_slew();
             if let Some(frequency) = self.discipline.steady_frequency() {
                 // If the crystal was not steady after all, the last one was right.
                 let apart_ppb = frequency.0.saturating_sub(self.frequency.0);
@@ -432,7 +433,7 @@ impl<'a> UtcClock<'a> {
         let mut line = self.line_from(rise);
         let correction = self.at_begin(correction, rise, now);
         let outcome = match correction {
-            Correction::First(course) if course.error_ns.abs() > LEAST_STEP_NS => {
+            Correction::First(course) if course.error_ns.abs() > LEAST_PULSE_STEP_NS => {
                 self.step(&mut line, &course);
                 PulseOutcome::Stepped {
                     by_ns: course.error_ns,
@@ -529,6 +530,7 @@ impl<'a> UtcClock<'a> {
         self.take(course);
         self.slew = Ppb(0);
         self.unabsorbed_ns = 0;
+        self.absorbs_ns = 0;
         line.base = line.base.plus_nanos(course.error_ns);
         if self.state != ClockState::Unset {
             self.count_step(course.error_ns);
@@ -560,6 +562,15 @@ impl<'a> UtcClock<'a> {
         let rate = most * 1_000 / course.absorb_ms.max(1);
         let slew = rate.min(Self::MAX_SLEW.0.unsigned_abs()).cast_signed();
         self.slew = Ppb(if error_ns < 0 { -slew } else { slew });
+        let least = u64::from(course.absorb_ms) * CYCLES_PER_MS;
+        let needed = u64::from(error_ns.unsigned_abs()) * CYCLES_PER_NS_AT_MAX_SLEW;
+        let lasts = needed.max(least).min(course.longest_slew);
+        self.slew_ends = now.plus(Self::LEAD).plus(lasts);
+        self.absorbs_ns = if needed <= lasts {
+            u32::MAX
+        } else {
+            (lasts / CYCLES_PER_NS_AT_MAX_SLEW) as u32
+        };
         // Until then the clock is no farther off than it was, if what it said was true.
         let news_ns = course.uncertainty.phase_ns + course.latency_uncertainty_ns as f32;
         let left_ns = error_ns.unsigned_abs() as f32;
@@ -569,18 +580,14 @@ impl<'a> UtcClock<'a> {
             (before_ns - news_ns).max(0.0)
         };
         self.unabsorbed_ns = left_ns.min(most_ns) as u32;
-        let least = u64::from(course.absorb_ms) * CYCLES_PER_MS;
-        let needed = u64::from(error_ns.unsigned_abs()) * CYCLES_PER_NS_AT_MAX_SLEW;
-        self.slew_ends = now
-            .plus(Self::LEAD)
-            .plus(needed.max(least).min(HOLDOVER_AFTER));
     }
 
     /// The slew is over; what it could not absorb is left, and doubted.
     #[inline]
     fn end_slew(&mut self) {
         self.slew = Ppb(0);
-        self.unabsorbed_ns = self.unabsorbed_ns.saturating_sub(MOST_ABSORBED_NS);
+        self.unabsorbed_ns = self.unabsorbed_ns.saturating_sub(self.absorbs_ns);
+        self.absorbs_ns = 0;
     }
 
     #[inline]

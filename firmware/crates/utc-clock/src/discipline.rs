@@ -16,7 +16,7 @@
 //!
 //! *Limits.* Without a pulse a receiver that drifts within a crystal's means is followed.
 
-use timebase::{Cycles, LeapSeconds, PulseEdge, PulseForecast};
+use timebase::{CORE_HZ, Cycles, LeapSeconds, Polarity, PulseEdge, PulseForecast};
 
 use crate::drift_guard::DriftGuard;
 use crate::envelope::{Envelope, EnvelopeEstimate, EnvelopeVerdict};
@@ -35,7 +35,7 @@ const PROMPT_US: u32 = 20_000;
 const NUMBERS_US: u32 = 300_000;
 
 /// Where every mark has waited for so long, those that waited least are heard. [cycles] 10 s
-const ALL_WAITED: u64 = 10 * timebase::CORE_HZ as u64;
+const ALL_WAITED: u64 = 10 * CORE_HZ as u64;
 
 /// Those that waited longer than the least by no more than this. [µs]
 const LEAST_WAIT_US: u32 = 5_000;
@@ -58,6 +58,8 @@ const MIDDLE_LATENCY_NS: i64 = 200_000_000;
 /// A train is the one that was followed before when it is no farther from its line than the line's
 /// uncertainty and this. [ns]
 const SAME_TRAIN_NS: f32 = 2_000.0;
+/// An edge is not seen where a pulse is expected just because nobody knows where that is. [ns]
+const MOST_DOOR_NS: f32 = 20_000.0;
 /// Another one has to outlast it by so long while it is there, and when it is not. [s]
 const OUTLASTS_S: f32 = 120.0;
 const OUTLASTS_HOLDOVER_S: f32 = 60.0;
@@ -77,6 +79,9 @@ const LEARNING: i64 = 64;
 /// Errors are absorbed in so long, in ms, as far as the bound of the slew allows: those of the
 /// messages and those of the pulse.
 const ABSORB_MS: (u32, u32) = (1_000, 250);
+/// One mark is believed for no longer than marks may stay away, a proved pulse for as long as it
+/// takes to slew what is not stepped. [cycles] 2 s, 20 s
+const LONGEST_SLEW: (u64, u64) = (2 * CORE_HZ as u64, 20 * CORE_HZ as u64);
 
 // The estimators, with all that they remember: no more than a small board can spare.
 const _: () = assert!(size_of::<Discipline>() <= 6 * 1_024);
@@ -109,6 +114,8 @@ pub struct Course {
     pub turned_ppb: f32,
     /// In how many ms the error is to be absorbed, if that is not too fast.
     pub absorb_ms: u32,
+    /// For so long at most. \[cycles\]
+    pub longest_slew: u64,
 }
 
 /// What is to be done about an observation.
@@ -133,6 +140,8 @@ struct Followed {
     train: u8,
     /// The second that its last pulse marks, in the discipline's scale. [ns]
     second_ns: i64,
+    /// When an edge last rose where its pulse is expected, whatever became of it. [ns]
+    seen_ns: u64,
 }
 
 /// The estimators, and who is believed.
@@ -407,7 +416,7 @@ impl Discipline {
             .saturating_add(self.latency_ns)
             .saturating_sub(self.shift_ns)
             .saturating_sub(heard.published.0);
-        let course = self.course(heard.at, error_ns, uncertainty_ns, ABSORB_MS.0);
+        let course = self.course(heard.at, error_ns, uncertainty_ns);
         Ok(if core::mem::replace(&mut self.is_set, true) {
             Correction::Follow(course)
         } else {
@@ -494,17 +503,19 @@ impl Discipline {
         edge: &PulseEdge,
         observe: impl Fn(Cycles) -> Observation,
     ) -> Result<(Correction, Cycles), PulseRefusal> {
+        if edge.polarity == Polarity::Rise {
+            self.note_rise(edge.at.as_nanos());
+        }
         let known = self.crystal_known(edge.at.as_nanos());
-        let (track, train, steady_s, late_ns, rise) = match self.trains.handle_edge(edge, known) {
+        let (track, train, steady_s, rise) = match self.trains.handle_edge(edge, known) {
             EdgeHeard::Noted => return Ok((Correction::Nothing, edge.at)),
             EdgeHeard::Refused(refusal) => return Err(refusal),
             EdgeHeard::Proved {
                 track,
                 train,
                 steady_s,
-                late_ns,
                 rise,
-            } => (track, train, steady_s, late_ns, rise),
+            } => (track, train, steady_s, rise),
         };
         let heard = observe(rise);
         let Some(clock_uncertainty_ns) = heard.uncertainty_ns else {
@@ -525,6 +536,12 @@ impl Discipline {
                 let is_same = is_same_train || is_same_phase;
                 if !is_same {
                     let since_s = followed.track.since_s(edge_ns);
+                    let unseen_s =
+                        edge_ns.wrapping_sub(followed.seen_ns).cast_signed() as f32 * 1e-9;
+                    if since_s > PULSE_LASTS_S && unseen_s < PULSE_LASTS_S {
+                        // It is still there, if misshapen.
+                        return Err(PulseRefusal::OffLine);
+                    }
                     let lasts_s = if since_s > PULSE_LASTS_S {
                         OUTLASTS_HOLDOVER_S
                     } else {
@@ -540,6 +557,7 @@ impl Discipline {
                     track,
                     train,
                     second_ns,
+                    seen_ns: edge_ns,
                 });
                 !is_same
             }
@@ -555,10 +573,16 @@ impl Discipline {
                 if clock_uncertainty_ns > NUMBERED_NS || !LATENCIES_NS.contains(&latency_ns) {
                     return Err(PulseRefusal::OffSecond);
                 }
+                let apart_ppb = (track.crystal_ppb() - self.crystal_ppb).abs();
+                if apart_ppb > 2.0 * self.crystal_uncertainty_ppb && steady_s < OUTLASTS_HOLDOVER_S
+                {
+                    return Err(PulseRefusal::OffLine);
+                }
                 self.followed = Some(Followed {
                     track,
                     train,
                     second_ns,
+                    seen_ns: edge_ns,
                 });
                 self.is_latency_learnt = false;
                 true
@@ -569,14 +593,15 @@ impl Discipline {
         let Some((utc_ns, uncertainty_ns)) = self.pulse_at(rise.as_nanos()) else {
             return Err(PulseRefusal::Unnumbered);
         };
-        let _ = late_ns;
         let error_ns = utc_ns
             .saturating_sub(self.shift_ns)
             .saturating_sub(heard.published.0);
         let course = Course {
             latency_uncertainty_ns: self.pulse_uncertainty_ns,
             turned_ppb: track.turned_ppb(),
-            ..self.course(rise, error_ns, uncertainty_ns, ABSORB_MS.1)
+            absorb_ms: ABSORB_MS.1,
+            longest_slew: LONGEST_SLEW.1,
+            ..self.course(rise, error_ns, uncertainty_ns)
         };
         Ok((
             if is_new {
@@ -588,20 +613,36 @@ impl Discipline {
         ))
     }
 
-    /// What is known of the crystal, for a train that begins.
-    fn crystal_known(&self, local_ns: u64) -> CrystalKnown {
-        let since_s = self
-            .followed
-            .as_ref()
-            .map_or(0.0, |followed| followed.track.since_s(local_ns));
-        CrystalKnown {
-            crystal_ppb: self.crystal_ppb,
-            uncertainty_ppb: (self.crystal_uncertainty_ppb + 2.0 * DRIFT_PPB_PER_S * since_s)
-                .min(CRYSTAL_PPB),
+    /// Whether the followed pulse is there is told by its rise alone.
+    fn note_rise(&mut self, rise_ns: u64) {
+        let Some(followed) = &mut self.followed else {
+            return;
+        };
+        let utc_ns = followed
+            .second_ns
+            .saturating_add(followed.track.elapsed_ns(rise_ns));
+        let off_ns = utc_ns.saturating_sub(nearest_second(utc_ns)) as f32;
+        let door_ns = followed.track.uncertainty_ns(rise_ns).min(MOST_DOOR_NS) + SAME_TRAIN_NS;
+        if off_ns.abs() <= door_ns {
+            followed.seen_ns = rise_ns;
         }
     }
 
-    fn course(&self, at: Cycles, error_ns: i64, uncertainty_ns: f32, absorb_ms: u32) -> Course {
+    /// What is known of the crystal, for a train that begins.
+    fn crystal_known(&self, local_ns: u64) -> CrystalKnown {
+        // What messages teach of it can be wrong by more than anybody knows.
+        let uncertainty_ppb = self.followed.as_ref().map_or(CRYSTAL_PPB, |followed| {
+            let drifted_ppb = 2.0 * DRIFT_PPB_PER_S * followed.track.since_s(local_ns);
+            (self.crystal_uncertainty_ppb + drifted_ppb).min(CRYSTAL_PPB)
+        });
+        CrystalKnown {
+            crystal_ppb: self.crystal_ppb,
+            uncertainty_ppb,
+        }
+    }
+
+    /// A course as the messages have it.
+    fn course(&self, at: Cycles, error_ns: i64, uncertainty_ns: f32) -> Course {
         Course {
             error_ns,
             frequency: rate(self.crystal_ppb),
@@ -612,7 +653,8 @@ impl Discipline {
             },
             latency_uncertainty_ns: self.latency_uncertainty_ns,
             turned_ppb: 0.0,
-            absorb_ms,
+            absorb_ms: ABSORB_MS.0,
+            longest_slew: LONGEST_SLEW.0,
         }
     }
 }

@@ -25,12 +25,14 @@
 //! *Limits.* A floor that moves by itself for longer than it remembers moves the clock. Marks
 //! farther from the line than [`TOO_LATE_NS`] are turned away, since lateness is kept in 32 bits.
 
+mod apart;
 mod bins;
 mod density;
 mod survey;
 mod trend;
 mod wander;
 
+use apart::{Apart, Standing};
 use bins::Bins;
 use density::ArrivalDensity;
 use survey::Survey;
@@ -75,10 +77,6 @@ const KNOWN_AFTER_S: f32 = 75.0;
 
 /// Marks that stay away for so long teach nothing any more, in s.
 const AWAY_S: f32 = 20.0;
-
-/// A floor that has moved stands: over half of that time its lowest marks rise by no more, in ns.
-/// 44 ppm.
-const STANDS_NS: i32 = 2_000_000;
 
 /// After so much silence a line is forgotten, except for its frequency:
 /// the longest window, in s.
@@ -177,25 +175,6 @@ enum Chore {
     Wander,
 }
 
-/// Marks that stay away from the line: the least excess of the first and of the second half of the
-/// time after which that is believed, in ns.
-#[derive(Clone, Copy, Debug)]
-struct Away {
-    since_us: u64,
-    first_ns: i32,
-    second_ns: i32,
-    /// It did not stand the time before.
-    again: bool,
-}
-
-/// Marks that are too early.
-#[derive(Clone, Copy, Debug)]
-struct Early {
-    since_us: u64,
-    last_us: u64,
-    lowest_ns: i32,
-}
-
 /// The lower envelope of the marks.
 #[derive(Clone, Debug)]
 pub struct Envelope {
@@ -206,7 +185,7 @@ pub struct Envelope {
     /// µs since boot, in full.
     last_us: u64,
     /// Since when no mark has come near a line that is known.
-    away: Option<Away>,
+    away: Option<Apart>,
     /// From the start to the mark that is being heard, in s.
     age_s: f32,
     bins: Bins<BINS>,
@@ -220,7 +199,7 @@ pub struct Envelope {
     variance: f32,
     /// The last slope, while the filter may not have believed it enough yet, in ppb.
     unexplained_ppb: f32,
-    early: Option<Early>,
+    early: Option<Apart>,
     /// By how much early marks have lowered the line of late, so that they do not lead it down
     /// step by step, in ns.
     lowered_ns: i32,
@@ -295,21 +274,26 @@ impl Envelope {
         } else {
             (EARLIER_AFTER_S, LATER_AFTER_S)
         };
+        let off_ppb = 2.0 * libm::sqrtf(self.variance);
         if excess_ns < NEAR_NS {
             self.away = None;
-        } else if self.has_moved(at_us, excess_ns, later_after_s) {
-            self.begin(at_us, point);
-            return EnvelopeVerdict::Moved(self.floor(point), excess_ns);
-        } else if excess_ns > TOO_LATE_NS || self.stays_away(at_us) {
-            return EnvelopeVerdict::Late;
+        } else {
+            let away = self.away.get_or_insert(Apart::new(at_us, excess_ns));
+            let standing = away.push(at_us, excess_ns, later_after_s, off_ppb);
+            let teaches = !away.is_moving() && away.lasts_s(at_us) <= AWAY_S;
+            if let Some(moved) = self.follow_moved(at_us, point, excess_ns, standing) {
+                return moved;
+            }
+            if excess_ns > TOO_LATE_NS || !teaches {
+                return EnvelopeVerdict::Late;
+            }
         }
         if excess_ns < TOO_EARLY_NS + self.lowered_ns {
-            let early = self.note_early(at_us, excess_ns);
-            if elapsed_s(at_us, early.since_us) < earlier_after_s {
-                return EnvelopeVerdict::Early;
-            }
-            self.begin(at_us, point);
-            return EnvelopeVerdict::Moved(self.floor(point), excess_ns);
+            let early = self.early_since(at_us, excess_ns);
+            let standing = early.push(at_us, excess_ns, earlier_after_s, off_ppb);
+            return self
+                .follow_moved(at_us, point, excess_ns, standing)
+                .unwrap_or(EnvelopeVerdict::Early);
         }
         self.take_in(point, excess_ns);
         EnvelopeVerdict::Estimate(self.floor(point))
@@ -319,13 +303,12 @@ impl Envelope {
     fn update_fresh(&mut self, at_us: u64, point: Point, excess_ns: i32) -> EnvelopeVerdict {
         self.away = None;
         if excess_ns < -ALONE_NS {
-            let before = self.early;
-            self.note_early(at_us, excess_ns);
-            let agrees = before.is_some_and(|early| {
-                elapsed_s(at_us, early.last_us) < AGREEING_S
-                    && excess_ns <= early.lowest_ns.saturating_add(ALONE_NS)
+            let agrees = self.early.is_some_and(|early| {
+                early.pause_s(at_us) < AGREEING_S
+                    && excess_ns <= early.lowest_ns().saturating_add(ALONE_NS)
             });
             if !agrees {
+                self.early = Some(Apart::new(at_us, excess_ns));
                 return EnvelopeVerdict::Early;
             }
             self.begin(at_us, point);
@@ -352,69 +335,41 @@ impl Envelope {
         EnvelopeVerdict::Estimate(self.floor(point))
     }
 
-    fn note_early(&mut self, at_us: u64, excess_ns: i32) -> Early {
-        let begun = Early {
-            since_us: at_us,
-            last_us: at_us,
-            lowest_ns: excess_ns,
-        };
-        let early = match self.early {
-            Some(early) if elapsed_s(at_us, early.last_us) < AGREEING_S => Early {
-                last_us: at_us,
-                lowest_ns: early.lowest_ns.min(excess_ns),
-                ..early
-            },
-            _ => begun,
-        };
-        self.early = Some(early);
+    /// The early marks so far, or none of them before this one.
+    fn early_since(&mut self, at_us: u64, excess_ns: i32) -> &mut Apart {
+        let early = self.early.get_or_insert(Apart::new(at_us, excess_ns));
+        if early.pause_s(at_us) >= AGREEING_S {
+            *early = Apart::new(at_us, excess_ns);
+        }
         early
     }
 
-    /// Whether marks have stayed away from the line for long enough to say that the floor has
-    /// moved. A floor that is still moving has not.
-    fn has_moved(&mut self, at_us: u64, excess_ns: i32, after_s: f32) -> bool {
-        let begun = Away {
-            since_us: at_us,
-            first_ns: excess_ns,
-            second_ns: i32::MAX,
-            again: false,
+    /// Begins anew where the floor stands, if it has moved. That line is as good as the marks that
+    /// said so, however late the one is that was the last of them.
+    fn follow_moved(
+        &mut self,
+        at_us: u64,
+        point: Point,
+        excess_ns: i32,
+        standing: Standing,
+    ) -> Option<EnvelopeVerdict> {
+        let by_ns = match standing {
+            Standing::Unmoved => return None,
+            Standing::At(by_ns) => by_ns,
+            Standing::Drifted(by_ns) => {
+                self.variance = LOST_PPB * LOST_PPB;
+                self.learnt_s = 0.0;
+                by_ns
+            }
         };
-        let away = self.away.get_or_insert(begun);
-        let for_s = elapsed_s(at_us, away.since_us);
-        if for_s < after_s / 2.0 {
-            away.first_ns = away.first_ns.min(excess_ns);
-        } else {
-            away.second_ns = away.second_ns.min(excess_ns);
-        }
-        if for_s < after_s {
-            return false;
-        }
-        let drift_ppb = if away.again {
-            // What is learnt of the frequency was wrong, by as much as that can be.
-            2.0 * CRYSTAL_PPB
-        } else {
-            2.0 * libm::sqrtf(self.variance)
+        let above_ns = excess_ns.saturating_sub(by_ns);
+        let floor = Point {
+            lateness_ns: point.lateness_ns.wrapping_sub(above_ns as u32),
+            ..point
         };
-        let drifts_ns = drift_ppb * (after_s / 2.0);
-        let stands_ns = STANDS_NS.saturating_add(drifts_ns as i32);
-        let (again, first_ns, second_ns) = (away.again, away.first_ns, away.second_ns);
-        let stands = second_ns.saturating_sub(first_ns) <= stands_ns;
-        if !stands {
-            self.away = Some(Away {
-                again: true,
-                ..begun
-            });
-        } else if again {
-            self.variance = LOST_PPB * LOST_PPB;
-            self.learnt_s = 0.0;
-        }
-        stands
-    }
-
-    /// Whether marks have stayed away for so long that they teach nothing.
-    fn stays_away(&self, at_us: u64) -> bool {
-        self.away
-            .is_some_and(|away| away.again || elapsed_s(at_us, away.since_us) > AWAY_S)
+        self.begin(at_us, floor);
+        self.is_unsettled = false;
+        Some(EnvelopeVerdict::Moved(self.floor(point), by_ns))
     }
 
     /// Takes back a frequency that was learnt from a receiver that is not believed.

@@ -124,6 +124,12 @@ impl Kalman {
         };
     }
 
+    /// Nothing better is known of the drift than so. [ppb/s]
+    pub(crate) fn open_drift(&mut self, deviation_ppb_per_s: f32) {
+        let variance = deviation_ppb_per_s * deviation_ppb_per_s;
+        self.covariance.dd = self.covariance.dd.max(variance);
+    }
+
     /// Moves the phase's origin ahead by `ns`.
     pub(crate) fn rebase(&mut self, ns: f32) {
         self.phase_ns -= ns;

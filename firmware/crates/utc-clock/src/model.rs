@@ -16,7 +16,7 @@
 //!
 //! *Limits.* Rates within ±[`MAX_RATE`]. Farther than 25.5 s from `at` a reading
 //! is still exact but takes two multiplications more; farther than 1.8 h its
-//! uncertainty is unknown.
+//! uncertainty is rounded up by a tenth of a second's growth.
 
 use timebase::{CORE_HZ, ClockState, Cycles};
 
@@ -332,7 +332,13 @@ mod tests {
 
     #[test]
     fn words_hold_the_whole_model() {
-        for state in [ClockState::Unset, ClockState::Set, ClockState::Holdover] {
+        for (state, uncertainty_ns) in [
+            (ClockState::Unset, u64::MAX),
+            (ClockState::Set, 0xffff_fffc),
+            (ClockState::Holdover, 0xffff_fffc),
+            // 18 s, in units of 2²⁹ ns.
+            (ClockState::Unproved, 34 << COARSE_BITS),
+        ] {
             let model = ClockModel {
                 at: Cycles(0x0123_4567_89ab_cdef),
                 base: UtcNanos(-2),
@@ -341,16 +347,25 @@ mod tests {
                 quality: Quality {
                     state,
                     leap_seconds_known: state == ClockState::Set,
-                    uncertainty_ns: 0xffff_fffc,
+                    uncertainty_ns,
                     growth: 0x1fff_fffb,
                 },
             };
-            assert_eq!(ClockModel::from_words(model.words()), model);
+            let copy = ClockModel::from_words(model.words());
+            if state == ClockState::Unproved {
+                // Rounded up by a unit.
+                let up = copy.quality.uncertainty_ns - uncertainty_ns;
+                assert_eq!(up, 1 << COARSE_BITS);
+                let quality = model.quality;
+                assert_eq!(ClockModel { quality, ..copy }, model);
+            } else {
+                assert_eq!(copy, model);
+            }
         }
     }
 
     #[test]
-    fn uncertainty_grows_on_both_sides_and_stops_at_its_end() {
+    fn uncertainty_grows_on_both_sides_for_ever() {
         let mut model = line(Ppb(0));
         model.quality.uncertainty_ns = 1_000;
         model.quality.growth = growth(Ppb::from_ppm(50));
@@ -359,7 +374,10 @@ mod tests {
         // 50 ppm of a second are 50 µs; a started unit may be 1 ns more.
         assert!((51_000..=51_002).contains(&after), "{after}");
         assert_eq!(before, after);
-        let never = model.reading_at(Cycles(u64::MAX / 2)).uncertainty_ns;
-        assert_eq!(never, u64::MAX);
+        // 1 740 years later, of each second 50 µs.
+        let far = Cycles(u64::MAX / 2);
+        let years = model.reading_at(far).uncertainty_ns;
+        let grown = (far.0 - model.at.0) / SECOND * 50_000;
+        assert!(years.abs_diff(grown) <= grown / 100_000, "{years}");
     }
 }

@@ -9,7 +9,8 @@
 //! one is asked unless the mean of its innovations says that it lags.
 //!
 //! What was not where it was expected widens the uncertainty at once, and is forgotten by
-//! 15 % a pulse.
+//! 15 % a pulse. When no noise explains the mean of the last innovations, the drift has changed, as
+//! when a ramp turns round: it is learnt anew.
 //!
 //! *Limits.* Which second a pulse marks is known to whoever asks: the track has the phase alone.
 
@@ -64,11 +65,16 @@ const UNCERTAIN_SIGMAS: f32 = 2.55;
 const NEXT_SIGMAS: f32 = 1.3;
 
 /// An innovation is a surprise beyond so many of its standard deviations.
-const SURPRISE_SIGMAS: f32 = 3.0;
+const SURPRISE_SIGMAS: f32 = 4.0;
 /// A surprise is forgotten by this part of it a pulse.
 const SURPRISE_FORGOTTEN: f32 = 0.15;
-/// The phase may be off by so many times a surprise.
-const SURPRISE_WORTH: f32 = 1.0;
+
+/// The ramping filter's innovations are averaged over so many pulses.
+const LAG_OVER: f32 = 3.0;
+/// It lags when their mean is beyond so many standard deviations of one; white ones have 0.45.
+const LAGGING: f32 = 1.1;
+/// Then nothing better is known of the drift than this; 1 ppm a minute is 16.7. [ppb/s]
+const TURN_PPB_PER_S: f32 = 20.0;
 
 /// A drift of 1 ppm a minute that has just turned round, before an innovation shows it. [ppb]
 const TURNED_PPB: f32 = 120.0;
@@ -82,6 +88,8 @@ pub(crate) struct PulseTrack {
     lags_for: u8,
     bias: f32,
     surprise_ns: f32,
+    /// The mean of the ramping filter's last innovations. [ns]
+    lag_ns: f32,
     /// The last pulse that fitted, less what the receiver says it was late, by the
     /// board's counter; the filters' phases are relative to it. [ns]
     edge_ns: u64,
@@ -92,8 +100,8 @@ pub(crate) struct PulseTrack {
 pub(crate) enum Fit {
     /// Where it was expected.
     Expected,
-    /// A little beside it; by how much. [ns]
-    Beside(f32),
+    /// A little beside it.
+    Beside,
     /// It is none of the train.
     Off,
     /// Its second has had its pulse.
@@ -110,6 +118,7 @@ impl PulseTrack {
             lags_for: 0,
             bias: 0.0,
             surprise_ns: 0.0,
+            lag_ns: 0.0,
             edge_ns,
         }
     }
@@ -177,7 +186,7 @@ impl PulseTrack {
                 .abs()
         };
         UNCERTAIN_SIGMAS * self.filter().phase_deviation_ns()
-            + SURPRISE_WORTH * self.surprise_ns
+            + self.surprise_ns
             + APART_WORTH * (apart_ns - APART_NS).max(0.0)
     }
 
@@ -206,7 +215,7 @@ impl PulseTrack {
                 return Fit::Off;
             }
             self.surprise_ns = self.surprise_ns.max(innovation_ns.abs());
-            return Fit::Beside(innovation_ns);
+            return Fit::Beside;
         }
         let mut quiet = self.quiet;
         quiet.predict(dt_s);
@@ -219,6 +228,10 @@ impl PulseTrack {
             self.lags_for = LAGS_FOR;
         } else if self.bias.abs() < UNBIASED {
             self.lags_for = self.lags_for.saturating_sub(1);
+        }
+        self.lag_ns += (innovation_ns - self.lag_ns) / LAG_OVER;
+        if self.lag_ns.abs() > LAGGING * deviation_ns {
+            ramping.open_drift(TURN_PPB_PER_S);
         }
         let surprise_ns = innovation_ns.abs() - SURPRISE_SIGMAS * deviation_ns;
         self.surprise_ns = (self.surprise_ns * (1.0 - SURPRISE_FORGOTTEN)).max(surprise_ns);

@@ -82,8 +82,6 @@ pub(crate) enum EdgeHeard {
         train: u8,
         /// For how long it has been steady. [s]
         steady_s: f32,
-        /// By how much the receiver says that the pulse is late. [ns]
-        late_ns: i32,
         /// When it rose.
         rise: Cycles,
     },
@@ -220,7 +218,7 @@ impl Trains {
         };
         match fit {
             Fit::Expected => {}
-            Fit::Beside(_) => {
+            Fit::Beside => {
                 train.misfits += 1;
                 if train.misfits >= MISFITS {
                     *train = Train::new(edge_ns, crystal);
@@ -246,7 +244,6 @@ impl Trains {
             track: train.track,
             train: index as u8,
             steady_s: edge_ns.wrapping_sub(train.since_ns) as f32 * 1e-9,
-            late_ns,
             rise,
         }
     }

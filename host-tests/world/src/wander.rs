@@ -32,6 +32,15 @@ pub enum Wander {
         /// the way up.
         phase_millionths: u32,
     },
+    /// It stands higher for a while, as when one more message is switched on or other satellites come.
+    Step {
+        /// By how much. \[ns\]
+        above_ns: u64,
+        /// The first moment at which it does.
+        from: WorldNanos,
+        /// The first moment at which it does not any more.
+        until: WorldNanos,
+    },
     /// A random walk between two walls that throw it back. It begins anywhere
     /// between them.
     Walk {
@@ -75,7 +84,7 @@ impl Wanderer {
     pub(crate) fn new(wander: Wander, seed: u64) -> Self {
         let mut rng = stream(seed, Stream::Wander);
         let path = match wander {
-            Wander::None | Wander::Sine { .. } => Vec::new(),
+            Wander::None | Wander::Sine { .. } | Wander::Step { .. } => Vec::new(),
             Wander::Walk {
                 peak_to_peak_ns, ..
             } => vec![even(&mut rng) * peak_to_peak_ns as f64],
@@ -87,6 +96,17 @@ impl Wanderer {
     pub(crate) fn above_least_ns(&mut self, at: WorldNanos) -> f64 {
         match self.wander {
             Wander::None => 0.0,
+            Wander::Step {
+                above_ns,
+                from,
+                until,
+            } => {
+                if (from..until).contains(&at) {
+                    above_ns as f64
+                } else {
+                    0.0
+                }
+            }
             Wander::Sine {
                 peak_to_peak_ns,
                 period_ns,

@@ -13,6 +13,8 @@ mod clock;
 #[cfg(test)]
 mod common;
 #[cfg(test)]
+mod evidence;
+#[cfg(test)]
 mod log;
 #[cfg(test)]
 mod paper;

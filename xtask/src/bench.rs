@@ -14,6 +14,9 @@ pub struct Options {
     /// Print one JSON object instead of the table
     #[arg(long)]
     json: bool,
+    /// Cycles that the board's core takes for an instruction
+    #[arg(long, value_name = "N", default_value = "1.0")]
+    cpi: String,
 }
 
 /// Builds the image that can be measured, and measures it.
@@ -28,6 +31,7 @@ pub fn run(options: &Options) -> Result<ExitCode> {
     })?;
     let mut bench = Command::new(tool::build("bench")?);
     bench.arg("--image").arg(image);
+    bench.args(["--cpi", &options.cpi]);
     if options.json {
         bench.arg("--json");
     }

@@ -1,16 +1,27 @@
 //! `board-test`: the tests of the flashed image, on the virtual board.
+//!
+//! *Design.* Each image is built once, and then all tests are played on cores of each pace: one that takes
+//! a cycle for an instruction, as the emulator has it, and one that takes 1.6, as a Pixhawk of metal may
+//! (`docs/timing.md`).
 
 use anyhow::Result;
 use variant::{Image, TICKS_US, Variant};
 
 use crate::image::{self, Board, Build, cargo};
 
-/// Builds the image at every tick setting and in the paper's variants, and runs the tests on them.
+/// The paces that are played where none is named, in cycles an instruction.
+const PACES: [&str; 2] = ["1.0", "1.6"];
+
+/// The variable in which the virtual board looks for its pace.
+const PACE_VARIABLE: &str = "PIXCLOCK_CYCLES_PER_INSTRUCTION";
+
+/// Builds the image at every tick setting and in the paper's variants, and runs the tests on them, at
+/// `paces` or at [`PACES`].
 ///
 /// # Errors
 ///
 /// When something cannot be built, or a test fails.
-pub fn run(arguments: &[String]) -> Result<()> {
+pub fn run(paces: &[String], arguments: &[String]) -> Result<()> {
     let built = |image: Image| {
         image::build(Build {
             image,
@@ -35,7 +46,16 @@ pub fn run(arguments: &[String]) -> Result<()> {
         gps_baud: 38_400,
     };
     tests.env(variable(slower.variant, "_38400BD"), built(slower)?);
-    image::run(tests.args(arguments))
+    tests.args(arguments);
+    let paces: Vec<&str> = match paces {
+        [] => PACES.to_vec(),
+        named => named.iter().map(String::as_str).collect(),
+    };
+    for pace in paces {
+        println!("== {pace} cycles an instruction");
+        image::run(tests.env(PACE_VARIABLE, pace))?;
+    }
+    Ok(())
 }
 
 /// The variable that names the image of one of the paper's variants, as in

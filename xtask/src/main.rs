@@ -74,6 +74,9 @@ enum Verb {
     DeviceId(device_id::Options),
     /// Run the tests of the flashed image on the virtual board
     BoardTest {
+        /// Cycles an instruction, instead of 1.0 and 1.6
+        #[arg(long = "cpi", value_name = "N,N", value_delimiter = ',')]
+        paces: Vec<String>,
         /// Handed to `cargo test`
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         arguments: Vec<String>,
@@ -112,7 +115,7 @@ fn run() -> Result<ExitCode> {
         Verb::Size { json } => done(size::check(json)),
         Verb::Deps => done(deps::check()),
         Verb::DeviceId(options) => Ok(device_id::run(&options)),
-        Verb::BoardTest { arguments } => done(board_test::run(&arguments)),
+        Verb::BoardTest { paces, arguments } => done(board_test::run(&paces, &arguments)),
         Verb::Card(options) => card::run(&options),
         Verb::CardFaults(options) => done(card_faults::run(&options)),
         Verb::Pymavlink => done(pymavlink::run()),

@@ -156,16 +156,46 @@ pub fn stamp() -> Stamp {
     tick::stamp(&Registers)
 }
 
-/// Two readings and the time between them: `read`, SysTick and `read` again, without an interrupt
-/// in between.
-pub fn between<T>(read: impl Fn() -> T) -> (T, Cycles, T) {
+/// A moment, and what SysTick showed then.
+pub struct Reference {
+    /// The moment.
+    pub at: Cycles,
+    down_count: u32,
+}
+
+impl Reference {
+    /// This moment, or up to a tick later.
+    pub fn new() -> Self {
+        let (now, down_count) = Registers.masked(|| (now(), SYST::get_current()));
+        Self {
+            at: tick::first_showing(down_count, Registers::PERIOD, now),
+            down_count,
+        }
+    }
+
+    /// How long after it, less than a tick, SysTick showed `down_count`, in cycles.
+    pub fn until(&self, down_count: u32) -> i32 {
+        let past = self.down_count.wrapping_sub(down_count).cast_signed();
+        if past < 0 {
+            past + Registers::PERIOD.cast_signed()
+        } else {
+            past
+        }
+    }
+}
+
+/// Readings by `read` and of SysTick in turn, without an interrupt in between: one of SysTick after
+/// each but the last. The pause lets a counter of half the rate show both of its halves.
+#[inline]
+pub fn in_turn<T>(read: impl Fn() -> T) -> ([T; 3], [u32; 2]) {
     Registers.masked(|| {
-        let now = now();
-        let before = read();
-        let down_count = SYST::get_current();
-        let after = read();
-        let between = tick::first_showing(down_count, Registers::PERIOD, now);
-        (before, between, after)
+        let first = read();
+        let one = SYST::get_current();
+        cortex_m::asm::nop();
+        let second = read();
+        let other = SYST::get_current();
+        let third = read();
+        ([first, second, third], [one, other])
     })
 }
 

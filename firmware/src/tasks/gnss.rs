@@ -11,7 +11,7 @@ use super::receiver::{REPORT_EVERY, Receiver, first_instant_after};
 use crate::clock::CLOCK;
 use crate::clock_events::{self, ClockEvent};
 use crate::clock_news::ClockNews;
-use crate::drivers::pulse::Pulse;
+use crate::drivers::pulse::{AT_MOST_OFF_NS, Pulse};
 use crate::drivers::time;
 use crate::drivers::uart::{Reader, Writer};
 use crate::reports::{GNSS, GnssReport};
@@ -65,6 +65,7 @@ impl Gnss {
             // Where a recording has no NAV-TIMELS that would prove it.
             leap_seconds: image_words::leap_seconds(),
             date_floor: image_words::date_floor(),
+            pulse_uncertainty_ns: Settings::DEFAULT.pulse_uncertainty_ns + AT_MOST_OFF_NS,
             ..Settings::DEFAULT.with_latency_ns(settings::LATENCY_NS)
         };
         Self {

@@ -138,6 +138,7 @@ impl Format for Gnss {
         nonzero!(f, report.edges, {
             "edges_queued": queued,
             "edges_followed": followed,
+            "edges_unclear": unclear,
             "edges_queue_full": queue_full,
         });
         nonzero!(f, report.receiver.line, {

@@ -66,6 +66,10 @@ pub struct Options {
     )]
     pub crystals: Crystals,
 
+    /// Cycles that a virtual board's core takes for an instruction, from 1 to 4
+    #[arg(long, value_name = "N", default_value = "1.0")]
+    pub cpi: String,
+
     /// The first seed of boards that are not real
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
@@ -158,6 +162,9 @@ impl Options {
         }
         if self.boards == Boards::Virtual {
             command += &format!(" --crystals {}", self.crystals.text());
+            if self.cpi != "1.0" {
+                command += &format!(" --cpi {}", self.cpi);
+            }
         }
         command
     }
@@ -210,7 +217,7 @@ mod tests {
     fn its_command_repeats_it() {
         for words in [
             "",
-            "--method pixclock,paper-step2:50 --method paper-default --seeds 5 --crystals -1.5,0,2",
+            "--method pixclock,paper-step2:50 --method paper-default --seeds 5 --crystals -1.5,0,2 --cpi 1.6",
             "--boards qemu --receiver harsh --duration 60 --settle 30 --rate 100",
             "--boards tcp:localhost:5760,tcp:localhost:5761 --method all --one-line",
         ] {

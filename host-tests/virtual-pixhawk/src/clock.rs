@@ -18,7 +18,6 @@
 use anyhow::{Context as _, ensure};
 use paper_clock::BaseTime;
 use timebase::Cycles;
-use timebase::capture::Phase;
 use utc_clock::{Published, Reading};
 use world::WorldNanos;
 
@@ -33,9 +32,8 @@ const ANCHOR: &str = "firmware::drivers::time::WORDS";
 /// TIM5's counter (RM0090 2.3, 18.4.10), which counts every second core cycle.
 const WITNESS: u64 = 0x4000_0C00 + 0x24;
 const WITNESS_RATIO: u32 = 2;
-/// TIM4's capture of channel 2 (RM0090 18.4.15), and what the firmware knows about it.
-const CAPTURE: u64 = 0x4000_0800 + 0x38;
-const PHASE: &str = "firmware::drivers::pulse::PHASE";
+/// The last rise of the pulse that was told, the low word of its cycles.
+const LAST_RISE: &str = "firmware::drivers::pulse::LAST_RISE";
 /// Between two looks, in ns, and by how many cycles they may disagree about it.
 const APART_NS: u64 = 2_000;
 const APART_CYCLES: u64 = 336;
@@ -79,16 +77,17 @@ impl Pixhawk {
         anyhow::bail!("the board's time since boot does not run")
     }
 
-    /// When the pulse's last edge came by the board's own count, at most 774 µs before
-    /// `now`: from the timer's capture and the phase that the firmware measured.
+    /// When the pulse last rose, by the board's own count and by what its firmware made of it, at most 12 s
+    /// before `now`.
     ///
     /// # Errors
     ///
-    /// The image has no such phase, or the emulator gave up.
-    pub fn captured_edge(&mut self, now: Cycles) -> anyhow::Result<Cycles> {
-        let words = self.words(PHASE)?;
-        let phase = Phase::from_bits(words.first().copied().unwrap_or_default());
-        Ok(phase.edge(self.peek(CAPTURE)? as u16, now))
+    /// The image has no such word, or the emulator gave up.
+    pub fn last_rise(&mut self, now: Cycles) -> anyhow::Result<Cycles> {
+        let words = self.words(LAST_RISE)?;
+        let low = words.first().copied().unwrap_or_default();
+        let since = (now.0 as u32).wrapping_sub(low).cast_signed();
+        Ok(Cycles(now.0.wrapping_add_signed(-i64::from(since))))
     }
 
     /// Cycles since boot; wrong in the middle of the tick interrupt.

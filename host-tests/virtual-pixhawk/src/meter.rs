@@ -71,6 +71,27 @@ pub struct Profile {
     sections: Sections,
     /// How often the instruction at each halfword of the application was executed.
     executed: Vec<u64>,
+    /// The same under PRIMASK.
+    executed_masked: Vec<u64>,
+}
+
+/// The sum of `executed`, counts by halfword, in `place`.
+fn inside(executed: &[u64], place: Symbol) -> u64 {
+    let (Some(first), Some(last)) = (
+        halfword(place.address),
+        halfword(place.address + place.size),
+    ) else {
+        return 0;
+    };
+    executed.iter().take(last).skip(first).sum()
+}
+
+/// Adds `retired` instructions at `halfword` to counts by halfword.
+fn add(executed: &mut Vec<u64>, halfword: usize, retired: u64) {
+    if executed.len() <= halfword {
+        executed.resize(halfword + 1, 0);
+    }
+    executed[halfword] += retired;
 }
 
 impl Profile {
@@ -78,14 +99,13 @@ impl Profile {
     /// called from there.
     #[must_use]
     pub fn inside(&self, place: Symbol) -> u64 {
-        let (Some(first), Some(last)) = (
-            halfword(place.address),
-            halfword(place.address + place.size),
-        ) else {
-            return 0;
-        };
-        let inside = self.executed.iter().take(last).skip(first);
-        inside.sum()
+        inside(&self.executed, place)
+    }
+
+    /// Of these, the instructions executed while every interrupt was masked.
+    #[must_use]
+    pub fn inside_masked(&self, place: Symbol) -> u64 {
+        inside(&self.executed_masked, place)
     }
 
     /// The sections under PRIMASK, by the function in which they begin; the longest first.
@@ -218,11 +238,10 @@ impl Observer for Count {
             self.profile.in_thread += retired;
         }
         if let Some(halfword) = halfword(moment.pc) {
-            let executed = &mut self.profile.executed;
-            if executed.len() <= halfword {
-                executed.resize(halfword + 1, 0);
+            add(&mut self.profile.executed, halfword, retired);
+            if moment.is_masked {
+                add(&mut self.profile.executed_masked, halfword, retired);
             }
-            executed[halfword] += retired;
         }
         if let Some(running) = self.activations.last_mut() {
             running.instructions += retired;

@@ -8,11 +8,16 @@
 //! dip of no length. The pin reaches the timer only where the firmware has
 //! connected the two.
 //!
+//! A timer of the emulator lets an edge in at once, in the count that has begun. One of metal resynchronises
+//! it, which takes 2 to 3 counts: [`synchronised`] delays each edge by that, drawn, and by half a count
+//! for the part of a count by which the emulator's is early.
+//!
 //! *Limits.* Edges are vertical, and at whole ns.
 
 use std::fmt;
 use std::iter::Peekable;
 
+use fastrand::Rng;
 use rigless::device::Level;
 use rigless::mcu::Operate as _;
 use rigless::soc::Width;
@@ -30,6 +35,27 @@ const MODER: u64 = 0x4002_0C00;
 const AFRH: u64 = MODER + 0x24;
 const MODER_13: (u64, u64) = (0b11 << 26, 0b10 << 26);
 const AFRH_13: (u64, u64) = (0xf << 20, 2 << 20);
+
+/// The least delay of an edge, 2.5 counts of 84 MHz, and how much more it can be, a count. \[ns\]
+const SYNCHRONISER_NS: u64 = 30;
+const COUNT_NS: u64 = 12;
+
+/// The edges of `pulses` as the timer's input lets them in, in their order.
+pub(crate) fn synchronised(
+    pulses: impl Iterator<Item = Pulse> + Send,
+) -> impl Iterator<Item = Pulse> + Send {
+    let mut rng = Rng::with_seed(0);
+    let mut last = WorldNanos(0);
+    let mut let_in = move |at: WorldNanos| {
+        last = last.max(at.plus(SYNCHRONISER_NS + rng.u64(0..COUNT_NS)));
+        last
+    };
+    pulses.map(move |pulse| Pulse {
+        edge: let_in(pulse.edge),
+        end: let_in(pulse.end),
+        ..pulse
+    })
+}
 
 /// What drives AUX5.
 pub(crate) struct PulseWire {
@@ -137,6 +163,23 @@ mod tests {
             (1_100, vec![Level::Low]),
         ];
         assert_eq!(seen, expected);
+    }
+
+    #[test]
+    fn an_edge_is_let_in_after_two_to_three_counts_and_in_its_order() {
+        let edges = (0..1_000).map(|n| pulse(n * 20, n * 20 + 10));
+        let mut delays_ns = Vec::new();
+        let mut last = 0;
+        for (was, is) in edges.clone().zip(synchronised(edges)) {
+            for (was, is) in [(was.edge, is.edge), (was.end, is.end)] {
+                delays_ns.push(is.0 - was.0);
+                assert!(is.0 >= last);
+                last = is.0;
+            }
+        }
+        let mean_ns = delays_ns.iter().sum::<u64>() as f64 / delays_ns.len() as f64;
+        assert!((35.0..37.0).contains(&mean_ns), "{mean_ns}");
+        assert!(delays_ns.iter().all(|ns| (30..42).contains(ns)));
     }
 
     #[test]

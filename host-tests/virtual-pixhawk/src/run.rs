@@ -29,7 +29,7 @@ use crate::image::Firmware;
 use crate::meter::{Meter, Profile};
 use crate::operator::{Log, Logged, Next, Operator, Order, Stopped};
 use crate::probe::Probe;
-use crate::pulse_wire::PulseWire;
+use crate::pulse_wire::{PulseWire, synchronised};
 use crate::script::Script;
 use crate::wire::{ReceivedByte, Wire};
 
@@ -147,7 +147,7 @@ impl Builder {
     /// Puts these pulses, in the order of their edges, on AUX5.
     #[must_use]
     pub fn pulse(mut self, pulses: impl Iterator<Item = Pulse> + Send + 'static) -> Self {
-        self.pulse = PulseWire::new(pulses);
+        self.pulse = PulseWire::new(synchronised(pulses));
         self
     }
 

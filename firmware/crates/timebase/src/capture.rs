@@ -1,78 +1,86 @@
-//! A 16-bit capture, extended to cycles since boot.
+//! When an edge started a timer, as cycles since boot.
 //!
-//! *Purpose.* A timer's input capture has the count at which an edge came, exactly, but not in
-//! which round of the counter that was. [`Phase`] finds the moment.
+//! *Purpose.* Of an edge that rings, the first counts, and no register keeps that one: a capture has the
+//! last. So the edge starts the timer, which runs on whatever comes after. [`Start`] finds
+//! when that was from readings of both counters, and how well they know it.
 //!
-//! *Design.* The timer and the cycle count have one clock, so they differ by a constant while both
-//! run: the *phase*, the moment of a count of 0, modulo a round. It is measured once, from readings
-//! of both side by side. An edge is then the last moment that had the captured count; the present
-//! time serves only to choose the round:
+//! *Design.* Timer and cycle count have one clock, so all that is unknown is the moment of the count 0.
+//! A count *c* stands for two cycles from `start + 2c` on. What a register showed before another one, or
+//! after it, bounds the start from one side; how long a reading takes is never asked, so a bus that is
+//! slow, or slower on one side, makes the interval wider and not wrong:
 //!
 //! ```text
-//! edge = now − (now − phase − RATIO · capture) mod ROUND
+//! c, then SysTick at t:   start + 2c     < t + 1
+//! SysTick at t, then c:   start + 2c + 2 > t
 //! ```
 //!
-//! *Limits.* A capture has to be extended within [`REACH`] of its edge, 774 µs; later, it is taken
-//! for an edge of the next round. An error of the measured phase, a few cycles, is an error of
-//! every edge. A debugger that halts the core and with it SysTick, but not the timer, changes
-//! the phase.
+//! The edge came before the start, by what the timer's input takes to let it in ([`SYNCHRONISER`]).
+//!
+//! *Limits.* The readings lie within a round of the timer, 780 µs, and within half a tick of the moment from
+//! which they are counted.
 
-use crate::Cycles;
+use crate::{CORE_HZ, Cycles};
 
 /// Core cycles in a count: TIM4 counts the timer clock of APB1, half the core's (RM0090,
 /// section 6.2).
-pub const RATIO: u64 = 2;
+pub const RATIO: i32 = 2;
 
-/// Core cycles from a count of 0 to the next: 780 µs.
-const ROUND: u64 = RATIO << u16::BITS;
+/// From an edge to the count 0, in cycles: the input is resynchronised and its edge detected, 2 to 3
+/// counts (RM0090, section 18.3.14, names the delay and no figure; two flip-flops and a detector). On
+/// metal the jumper of `docs/hardware.md` measures it.
+pub const SYNCHRONISER: i32 = 5;
 
-/// How far in the future an edge may seem to be, in cycles, because of the error of the phase: 6
-/// µs.
-const AHEAD: u64 = 1 << 10;
+/// How far off that may be, in cycles: half a count.
+const SYNCHRONISER_UNKNOWN: i32 = 1;
 
-/// How old an edge may be when it is extended, in cycles.
-pub const REACH: u64 = ROUND - AHEAD;
+/// Half of the widest interval that is good enough, in cycles.
+const MOST_UNKNOWN: i32 = 8;
 
-/// The relation between a timer's count and the cycles since boot.
+/// How far an edge may be from the moment that is told for it, in ns, rounded up.
+pub const UNKNOWN_NS: u32 =
+    ((MOST_UNKNOWN + SYNCHRONISER_UNKNOWN) as u32 * 1_000).div_ceil(CORE_HZ / 1_000_000);
+
+/// What is known about the start of a timer: an interval that readings narrow. Moments are in cycles
+/// after one that the caller keeps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Phase(u32);
+pub struct Start {
+    /// It was after this.
+    after: i32,
+    /// It was before this.
+    before: i32,
+}
 
-impl Phase {
-    /// The phase from one moment at which the timer stood between two counts.
-    ///
-    /// `at` lies midway between `before` and `after`, which are less than a round
-    /// apart.
-    #[must_use]
-    pub const fn measured(before: u16, at: Cycles, after: u16) -> Self {
-        // In half counts, which are cycles.
-        let between = after.wrapping_sub(before) as u64;
-        let midway = RATIO * before as u64 + between * RATIO / 2;
-        Self((at.0.wrapping_sub(midway) % ROUND) as u32)
-    }
+impl Start {
+    /// Before any reading.
+    pub const UNKNOWN: Self = Self {
+        after: i32::MIN,
+        before: i32::MAX,
+    };
 
-    /// The phase from the word that [`Self::to_bits`] made.
-    #[must_use]
-    pub const fn from_bits(bits: u32) -> Self {
-        Self(bits)
-    }
-
-    /// The phase as a word, for a shared variable.
-    #[must_use]
-    pub const fn to_bits(self) -> u32 {
-        self.0
-    }
-
-    /// The moment of the edge that was captured at a count of `capture`, at most [`REACH`] before
-    /// `now`.
-    #[must_use]
+    /// The timer showed `count`, and then it was `at`.
     #[inline]
-    pub const fn edge(self, capture: u16, now: Cycles) -> Cycles {
-        let since_count_0 = (now.0 as u32).wrapping_sub(self.0);
-        let since = since_count_0
-            .wrapping_sub(capture as u32 * RATIO as u32)
-            .wrapping_add(AHEAD as u32)
-            % ROUND as u32;
-        Cycles(now.0.wrapping_add(AHEAD).wrapping_sub(since as u64))
+    pub fn count_then_time(&mut self, count: u16, at: i32) {
+        let bound = at.wrapping_add(1).wrapping_sub(RATIO * i32::from(count));
+        self.before = self.before.min(bound);
+    }
+
+    /// It was `at`, and then the timer showed `count`.
+    #[inline]
+    pub fn time_then_count(&mut self, at: i32, count: u16) {
+        let bound = at.wrapping_sub(RATIO * (i32::from(count) + 1));
+        self.after = self.after.max(bound);
+    }
+
+    /// When the edge came: `None` if it is not known to [`UNKNOWN_NS`], or if the readings contradict
+    /// each other. `reference` is the moment from which they are counted.
+    #[must_use]
+    pub fn edge(self, reference: Cycles) -> Option<Cycles> {
+        let width = self.before.checked_sub(self.after)?;
+        if !(1..=2 * MOST_UNKNOWN).contains(&width) {
+            return None;
+        }
+        let since = self.after + width / 2 - SYNCHRONISER;
+        Some(Cycles(reference.0.wrapping_add_signed(since.into())))
     }
 }
 
@@ -80,65 +88,96 @@ impl Phase {
 mod tests {
     use super::*;
 
-    /// The count at `at` of a timer with that phase.
-    fn count(phase: u64, at: u64) -> u16 {
-        (at.wrapping_sub(phase) / RATIO) as u16
+    /// A bus: how long after an instruction begins its register is looked at, and how long until the
+    /// next one begins.
+    #[derive(Clone, Copy, Debug)]
+    struct Bus {
+        count: (i32, i32),
+        time: (i32, i32),
     }
 
-    /// Boot, the end of the low word, and any time.
-    const AROUND: [u64; 3] = [ROUND, 1 << 32, 0x1234_5678_9abc];
+    /// What `blocks` readings in turn, with a pause between them that grows, say of a timer that was
+    /// started at `start`; the first begins at `from`.
+    fn read(bus: Bus, start: i32, from: i32, blocks: i32) -> Start {
+        let mut known = Start::UNKNOWN;
+        let mut now = from;
+        let count = |now: &mut i32| {
+            let looked_at = *now + bus.count.0;
+            *now = looked_at + bus.count.1;
+            ((looked_at - start) / RATIO) as u16
+        };
+        let time = |now: &mut i32| {
+            let looked_at = *now + bus.time.0;
+            *now = looked_at + bus.time.1;
+            looked_at
+        };
+        for pause in 0..blocks {
+            let before = count(&mut now);
+            let at = time(&mut now);
+            known.count_then_time(before, at);
+            let after = count(&mut now);
+            known.time_then_count(at, after);
+            now += pause;
+        }
+        known
+    }
 
     #[test]
-    fn an_edge_is_found_from_every_phase_and_within_its_reach() {
-        for around in AROUND {
-            for phase in (0..ROUND).step_by(61).chain([ROUND - 1, AHEAD, REACH]) {
-                let word = Phase(phase as u32);
-                for edge in [around, around + 1, around + ROUND / 2 + 1] {
-                    // The moment at which the count that was captured began.
-                    let began = edge - (edge - phase) % RATIO;
-                    let capture = count(phase, edge);
-                    for delay in [0, 1, 2, 100, ROUND / 2, REACH - 1 - RATIO] {
-                        let now = Cycles(edge + delay);
-                        assert_eq!(
-                            word.edge(capture, now),
-                            Cycles(began),
-                            "{phase} {edge} {delay}"
-                        );
-                    }
-                    // The phase is a little wrong, so that the edge seems to be yet to come.
-                    let now = Cycles(began - AHEAD);
-                    assert_eq!(word.edge(capture, now), Cycles(began));
+    fn the_start_lies_in_the_interval_whatever_the_bus_takes() {
+        for count in [(0, 1), (1, 0), (3, 1), (8, 4), (12, 0), (0, 12)] {
+            for time in [(0, 1), (1, 0), (1, 2), (2, 9)] {
+                let bus = Bus { count, time };
+                for start in -2_000..-1_900 {
+                    let known = read(bus, start, 0, 4);
+                    assert!(
+                        known.after < start && start < known.before,
+                        "{bus:?} {start}: {known:?}"
+                    );
                 }
             }
         }
     }
 
     #[test]
-    fn every_capture_and_every_delay_is_one_edge() {
-        let word = Phase(77_777);
-        for around in AROUND {
-            for capture in 0..=u16::MAX {
-                let edge = word.edge(capture, Cycles(around));
-                assert_eq!(count(77_777, edge.0), capture);
-                let age = Cycles(around).since(edge);
-                assert!((-(AHEAD as i64)..REACH as i64).contains(&age), "{age}");
-            }
-        }
-    }
-
-    #[test]
-    fn the_phase_is_measured_to_a_cycle_whatever_the_counter_shows() {
-        for around in AROUND {
-            for phase in (0..ROUND).step_by(7) {
-                // Readings at the same distance before and after.
-                for apart in 1..40 {
-                    let (before, after) = (around - apart, around + apart);
-                    let measured =
-                        Phase::measured(count(phase, before), Cycles(around), count(phase, after));
-                    let wrong = u64::from(measured.0).wrapping_sub(phase) % ROUND;
-                    assert!(wrong <= 1, "{wrong} at {phase}, {apart}");
+    fn an_edge_is_told_within_what_is_unknown_or_not_at_all() {
+        let reference = Cycles(1 << 33);
+        let mut told = 0;
+        for wait in 0..14 {
+            for lag in 0..14 {
+                let bus = Bus {
+                    count: (wait, 1),
+                    time: (lag, 1),
+                };
+                for start in -300..-280 {
+                    let edge = start - SYNCHRONISER;
+                    let Some(at) = read(bus, start, 0, 4).edge(reference) else {
+                        continue;
+                    };
+                    told += 1;
+                    let off = at.since(reference) - i64::from(edge);
+                    assert!(off.abs() <= MOST_UNKNOWN.into(), "{bus:?} {start}: {off}");
                 }
             }
         }
+        // Fast buses, each with every start.
+        assert!(told > 20 * 50, "{told}");
+    }
+
+    #[test]
+    fn what_is_too_wide_or_contradicts_itself_is_not_told() {
+        let reference = Cycles(5);
+        assert_eq!(Start::UNKNOWN.edge(reference), None);
+        let mut known = Start::UNKNOWN;
+        known.count_then_time(100, 1_000);
+        assert_eq!(known.edge(reference), None);
+        known.time_then_count(1_000, 120);
+        // 240 and 200 cycles before.
+        assert_eq!(known.edge(reference), None);
+        known.time_then_count(1_000, 500);
+        assert_eq!(known.edge(reference), None);
+        let mut close = Start::UNKNOWN;
+        close.count_then_time(100, 1_000);
+        close.time_then_count(1_000, 100);
+        assert_eq!(close.edge(reference), Some(Cycles(5 + 799 - 5)));
     }
 }

@@ -17,6 +17,8 @@ mod evidence;
 #[cfg(test)]
 mod log;
 #[cfg(test)]
+mod masks;
+#[cfg(test)]
 mod paper;
 #[cfg(test)]
 mod pulse;

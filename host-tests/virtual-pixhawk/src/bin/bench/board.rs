@@ -1,7 +1,7 @@
 //! The board that is measured, with what is connected to it.
 
 use mavlink_node::Address;
-use virtual_pixhawk::{Builder, Firmware, Profile};
+use virtual_pixhawk::{Builder, CyclesPerInstruction, Firmware, Profile};
 use world::{Port, Receiver, ReceiverSettings, Talker, WorldNanos};
 
 /// The speed of both lines.
@@ -18,6 +18,21 @@ pub const HOST: Address = Address {
 /// 2026-11-22T04:00:00Z.
 const START_UTC_NS: i64 = 1_795_320_000 * 1_000_000_000;
 
+/// What is measured: an image, and the pace of the core that runs it.
+pub struct Subject {
+    /// The image.
+    pub firmware: Firmware,
+    /// The pace.
+    pub pace: CyclesPerInstruction,
+}
+
+impl Subject {
+    /// A board of it.
+    pub fn board(&self) -> Builder {
+        Builder::new(self.firmware.clone()).pace(self.pace)
+    }
+}
+
 /// A receiver that needs no configuration.
 fn receiver_settings() -> ReceiverSettings {
     let mut settings = ReceiverSettings::new(START_UTC_NS);
@@ -32,16 +47,13 @@ pub fn receiver() -> Receiver {
 
 /// Runs a board and meters the time from `from_ns` to `to_ns`, with calls of `functions` watched.
 pub fn metered(
-    firmware: &Firmware,
+    subject: &Subject,
     gps: impl Talker + Send + 'static,
     telem1: impl Talker + Send + 'static,
     (from_ns, to_ns): (u64, u64),
     functions: &[&str],
 ) -> anyhow::Result<Profile> {
-    let mut board = Builder::new(firmware.clone())
-        .gps(gps)
-        .telem1(telem1)
-        .power_on()?;
+    let mut board = subject.board().gps(gps).telem1(telem1).power_on()?;
     board.run_to(WorldNanos(from_ns))?;
     board.start_meter(functions)?;
     board.run_to(WorldNanos(to_ns))?;
@@ -50,15 +62,12 @@ pub fn metered(
 
 /// Instructions that a board executes from `from_ns` to `to_ns`.
 pub fn executed(
-    firmware: &Firmware,
+    subject: &Subject,
     gps: impl Talker + Send + 'static,
     telem1: impl Talker + Send + 'static,
     (from_ns, to_ns): (u64, u64),
 ) -> anyhow::Result<f64> {
-    let mut board = Builder::new(firmware.clone())
-        .gps(gps)
-        .telem1(telem1)
-        .power_on()?;
+    let mut board = subject.board().gps(gps).telem1(telem1).power_on()?;
     board.run_to(WorldNanos(from_ns))?;
     let before = board.instructions()?;
     board.run_to(WorldNanos(to_ns))?;

@@ -3,10 +3,10 @@
 use anyhow::Context as _;
 use mavlink_node::Version;
 use mavlink_node::client::Client;
-use virtual_pixhawk::{Builder, Firmware, Script, Tally};
+use virtual_pixhawk::{Script, Tally};
 use world::{Transmission, WorldNanos};
 
-use crate::board::{BAUD, HOST, MS, SECOND, executed, metered, receiver};
+use crate::board::{BAUD, HOST, MS, SECOND, Subject, executed, metered, receiver};
 use crate::table::Row;
 
 /// Exception numbers of the vector table (RM0090, table 62): 16 and the interrupt's.
@@ -16,7 +16,7 @@ const UART4: u16 = 16 + 52;
 const TASKS: u16 = 16 + 78;
 
 /// The tick, a byte's interrupt, the readings.
-pub fn interrupts_and_readings(firmware: &Firmware) -> anyhow::Result<(Vec<Row>, ByteCosts)> {
+pub fn interrupts_and_readings(subject: &Subject) -> anyhow::Result<(Vec<Row>, ByteCosts)> {
     let readings = ["bench_cycles_now", "bench_utc_now"];
     // A burst of the receiver lies in it, and a byte on the MAVLink line.
     let window = (2 * SECOND, 2 * SECOND + 200 * MS);
@@ -25,7 +25,7 @@ pub fn interrupts_and_readings(firmware: &Firmware) -> anyhow::Result<(Vec<Row>,
         bytes: vec![0],
         baud: BAUD,
     }]);
-    let profile = metered(firmware, receiver(), byte, window, &readings)?;
+    let profile = metered(subject, receiver(), byte, window, &readings)?;
     let exception = |number| {
         profile
             .exceptions
@@ -80,9 +80,10 @@ const MARK: &str = "<utc_clock::discipline::Discipline>::handle_mark";
 
 /// The clock's own part of a mark and of a pulse: the most expensive of 20 s in which
 /// it follows both, after eight minutes, when its memory is full.
-pub fn estimators(firmware: &Firmware) -> anyhow::Result<[Row; 2]> {
+pub fn estimators(subject: &Subject) -> anyhow::Result<[Row; 2]> {
     const PULSE: &str = "<utc_clock::clock::UtcClock>::handle_edge";
-    let mut board = Builder::new(firmware.clone())
+    let mut board = subject
+        .board()
         .gps_and_pulse(receiver())
         .power_on()?;
     board.run_to(WorldNanos(490 * SECOND))?;
@@ -109,10 +110,10 @@ pub fn estimators(firmware: &Firmware) -> anyhow::Result<[Row; 2]> {
 
 /// Everything that the tasks do for one NAV-PVT, from waking up to going back to
 /// sleep, with all their polls but without the estimator: the most expensive of some.
-pub fn nav_pvt(firmware: &Firmware) -> anyhow::Result<Row> {
+pub fn nav_pvt(subject: &Subject) -> anyhow::Result<Row> {
     const MARKS: u64 = 4;
     const PERIOD: u64 = 200 * MS;
-    let mut board = Builder::new(firmware.clone()).gps(receiver()).power_on()?;
+    let mut board = subject.board().gps(receiver()).power_on()?;
     board.run_to(WorldNanos(2 * SECOND))?;
     let last = board.truth()?.last().map(|sent| sent.first_byte.0);
     let last = last.context("the receiver is silent")?;
@@ -141,7 +142,7 @@ pub fn nav_pvt(firmware: &Firmware) -> anyhow::Result<Row> {
 
 /// From a PING's whole frame to the bytes of its answer. The search for its
 /// beginning is in the cost of a byte.
-pub fn ping(firmware: &Firmware) -> anyhow::Result<Row> {
+pub fn ping(subject: &Subject) -> anyhow::Result<Row> {
     /// The checksum, the fields, the answer.
     const STEPS: [&str; 3] = [
         "Framer<mavlink_node::wanted::Requests, 35>>::longest_intact",
@@ -154,7 +155,7 @@ pub fn ping(firmware: &Firmware) -> anyhow::Result<Row> {
         baud: BAUD,
     }]);
     let window = (2 * SECOND, 2 * SECOND + 20 * MS);
-    let profile = metered(firmware, Script::default(), ping, window, &STEPS)?;
+    let profile = metered(subject, Script::default(), ping, window, &STEPS)?;
     let mut cost = 0;
     for step in STEPS {
         let tally = profile.functions.get(step).filter(|tally| tally.times > 0);
@@ -170,7 +171,7 @@ pub fn ping(firmware: &Firmware) -> anyhow::Result<Row> {
 
 /// The part of all cycles in which the core is not asleep, in %, with marks at 5 Hz and
 /// 10 PINGs a second, over 5 s.
-pub fn load(firmware: &Firmware) -> anyhow::Result<Row> {
+pub fn load(subject: &Subject) -> anyhow::Result<Row> {
     let mut client = Client::new(HOST, Version::V2);
     let pings = (0..60_u32).map(|n| Transmission {
         start: WorldNanos(2 * SECOND + u64::from(n) * 100 * MS),
@@ -178,7 +179,7 @@ pub fn load(firmware: &Firmware) -> anyhow::Result<Row> {
         baud: BAUD,
     });
     let window = (3 * SECOND, 8 * SECOND);
-    let busy = executed(firmware, receiver(), Script::new(pings), window)?;
+    let busy = executed(subject, receiver(), Script::new(pings), window)?;
     let cycles = 5.0 * f64::from(timebase::CORE_HZ);
     Ok(Row::new(
         "CPU load in %, 5 Hz and 10 PING/s",

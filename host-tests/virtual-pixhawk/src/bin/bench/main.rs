@@ -17,13 +17,15 @@ mod board;
 mod jobs;
 mod noise;
 mod table;
+mod waits;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use virtual_pixhawk::Firmware;
+use virtual_pixhawk::{CyclesPerInstruction, Firmware};
 
+use board::Subject;
 use noise::Line;
 use table::Row;
 
@@ -36,17 +38,23 @@ struct Bench {
     /// Print one JSON object instead of the table
     #[arg(long)]
     json: bool,
+    /// Cycles that the board's core takes for an instruction
+    #[arg(long, value_name = "N", default_value = "1.0")]
+    cpi: CyclesPerInstruction,
 }
 
 fn main() -> anyhow::Result<ExitCode> {
-    let Bench { image, json } = Bench::parse();
-    let firmware = Firmware::read(&image)?;
-    let (mut rows, byte) = jobs::interrupts_and_readings(&firmware)?;
-    rows.push(jobs::nav_pvt(&firmware)?);
-    rows.extend(jobs::estimators(&firmware)?);
-    rows.push(jobs::ping(&firmware)?);
-    let gps_noise = noise::costs(&firmware, Line::Gps, byte.gps)?;
-    let mavlink_noise = noise::costs(&firmware, Line::Mavlink, byte.mavlink)?;
+    let Bench { image, json, cpi } = Bench::parse();
+    let subject = Subject {
+        firmware: Firmware::read(&image)?,
+        pace: cpi,
+    };
+    let (mut rows, byte) = jobs::interrupts_and_readings(&subject)?;
+    rows.push(jobs::nav_pvt(&subject)?);
+    rows.extend(jobs::estimators(&subject)?);
+    rows.push(jobs::ping(&subject)?);
+    let gps_noise = noise::costs(&subject, Line::Gps, byte.gps)?;
+    let mavlink_noise = noise::costs(&subject, Line::Mavlink, byte.mavlink)?;
     rows.push(noise::worst(
         "any byte on the GPS line, beyond its interrupt",
         &gps_noise,
@@ -59,11 +67,16 @@ fn main() -> anyhow::Result<ExitCode> {
         100.0,
         "crate mavlink 1550, C library 70",
     ));
-    rows.push(jobs::load(&firmware)?);
+    rows.push(jobs::load(&subject)?);
+    let (waits, sections) = waits::all(&subject)?;
+    rows.extend(waits);
     if json {
-        println!("{}", table::to_json(&rows, &gps_noise, &mavlink_noise));
+        println!(
+            "{}",
+            table::to_json(&rows, &gps_noise, &mavlink_noise, &sections)
+        );
     } else {
-        table::print(&rows, &gps_noise, &mavlink_noise);
+        table::print(&rows, &gps_noise, &mavlink_noise, &sections);
     }
     Ok(if rows.iter().all(Row::is_kept) {
         ExitCode::SUCCESS

@@ -1,9 +1,9 @@
 //! Noise on both lines, of the kinds that hurt a framer most.
 
-use virtual_pixhawk::{Firmware, Script};
+use virtual_pixhawk::Script;
 use world::{Transmission, WorldNanos};
 
-use crate::board::{BAUD, MS, SECOND, executed};
+use crate::board::{BAUD, MS, SECOND, Subject, executed};
 use crate::table::{NoiseCosts, Row};
 
 /// The line on which noise comes in.
@@ -17,7 +17,7 @@ pub enum Line {
 
 /// The cost of a byte beyond its interrupt, for each kind of noise: everything that the
 /// board does more than in silence, over 1 000 bytes at full rate.
-pub fn costs(firmware: &Firmware, line: Line, byte: u64) -> anyhow::Result<NoiseCosts> {
+pub fn costs(subject: &Subject, line: Line, byte: u64) -> anyhow::Result<NoiseCosts> {
     const BYTES: usize = 1_000;
     let start = WorldNanos(2 * SECOND + 10 * MS);
     // 1 000 bytes last 87 ms; after the silence, the framer gives up what it held back.
@@ -29,8 +29,8 @@ pub fn costs(firmware: &Firmware, line: Line, byte: u64) -> anyhow::Result<Noise
             baud: BAUD,
         }]);
         match line {
-            Line::Gps => executed(firmware, script, Script::default(), window),
-            Line::Mavlink => executed(firmware, Script::default(), script, window),
+            Line::Gps => executed(subject, script, Script::default(), window),
+            Line::Mavlink => executed(subject, Script::default(), script, window),
         }
     };
     let kinds = match line {

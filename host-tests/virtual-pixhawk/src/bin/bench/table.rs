@@ -31,8 +31,16 @@ impl Row {
     }
 }
 
+/// Sections that mask every interrupt: where they begin, and how long the longest was.
+pub type Sections = Vec<(String, u64)>;
+
 /// Prints the table.
-pub fn print(rows: &[Row], gps_noise: &NoiseCosts, mavlink_noise: &NoiseCosts) {
+pub fn print(
+    rows: &[Row],
+    gps_noise: &NoiseCosts,
+    mavlink_noise: &NoiseCosts,
+    sections: &Sections,
+) {
     println!(
         "{:<52} {:>8} {:>7}  others",
         "instructions on the virtual board", "pixclock", "at most"
@@ -55,10 +63,19 @@ pub fn print(rows: &[Row], gps_noise: &NoiseCosts, mavlink_noise: &NoiseCosts) {
             println!("  {name:<50} {cost:>8.2}");
         }
     }
+    println!("\nthe longest sections that mask every interrupt, by where they begin");
+    for (function, length) in sections {
+        println!("  {length:>4}  {function}");
+    }
 }
 
 /// The table as one object.
-pub fn to_json(rows: &[Row], gps_noise: &NoiseCosts, mavlink_noise: &NoiseCosts) -> Value {
+pub fn to_json(
+    rows: &[Row],
+    gps_noise: &NoiseCosts,
+    mavlink_noise: &NoiseCosts,
+    sections: &Sections,
+) -> Value {
     let noise = |costs: &NoiseCosts| -> Value {
         costs
             .iter()
@@ -79,5 +96,9 @@ pub fn to_json(rows: &[Row], gps_noise: &NoiseCosts, mavlink_noise: &NoiseCosts)
             .collect::<Vec<_>>(),
         "gps_noise": noise(gps_noise),
         "mavlink_noise": noise(mavlink_noise),
+        "masked": sections
+            .iter()
+            .map(|(function, length)| json!({"function": function, "instructions": length}))
+            .collect::<Vec<_>>(),
     })
 }

@@ -100,7 +100,9 @@ impl Prepared {
             seed,
         };
         let test_ns = POWER_WITHIN_NS + u64::from(options.settle) * SECOND;
+        let pace = options.cpi.parse().map_err(anyhow::Error::msg)?;
         let mut builder = Builder::new(Firmware::read(path)?)
+            .pace(pace)
             .crystal_ppb(crystal_ppb)
             .telem1(Script::new(outgoing::all(schedule, test_ns - power_ns)))
             .card(Card::holding(&fat_image::formatted(Kind::Fat16)));

@@ -59,7 +59,7 @@ pub fn bring_up() -> Hardware {
     let gpioe = chip.GPIOE.split(&mut rcc);
 
     if let Err(refused) = time::start(core.SYST, &mut core.SCB, chip.TIM5, &mut rcc) {
-        panic!("SysTick did not get its priority: {refused:?}");
+        panic!("the time did not start: {refused:?}");
     }
     set_priorities(&mut core.NVIC);
     // SAFETY: every interrupt that is enabled has its handler and its priority.

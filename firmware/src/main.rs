@@ -40,6 +40,8 @@ mod lines;
 #[cfg(target_os = "none")]
 mod logger;
 #[cfg(target_os = "none")]
+mod masks;
+#[cfg(target_os = "none")]
 mod not_saved;
 #[cfg(target_os = "none")]
 mod priorities;

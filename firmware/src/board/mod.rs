@@ -15,6 +15,6 @@ mod this;
 pub struct CrystalFailed;
 
 pub use this::{
-    HAS_CARD_SLOT, NAME, SAMPLE_ROOM, WITNESS_PRESCALER, WITNESS_RATIO, clocks, read_pair,
-    take_crystal_failure, take_over, witness_khz,
+    HAS_CARD_SLOT, HAS_CONSTANT_CLOCKS, NAME, SAMPLE_ROOM, WITNESS_PRESCALER, WITNESS_RATIO,
+    clocks, read_pair, take_crystal_failure, take_over, witness_khz,
 };

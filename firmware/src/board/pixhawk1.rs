@@ -21,6 +21,9 @@ pub const WITNESS_PRESCALER: u16 = 0;
 /// Core cycles for each count of the witness: the core's clock is 168 MHz (RM0090, section 6.2).
 pub const WITNESS_RATIO: u32 = 2;
 
+/// Whether the counters run at constant rates, so that one can be held against the other.
+pub const HAS_CONSTANT_CLOCKS: bool = true;
+
 /// Samples that fit into the CCM, and into the upper 64 KB of SRAM.
 pub const SAMPLE_ROOM: (usize, usize) = (4_096, 4_096);
 

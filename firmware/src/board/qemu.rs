@@ -21,6 +21,9 @@ pub const WITNESS_PRESCALER: u16 = 124;
 /// Core cycles for each count of the witness: 168 MHz / 8 MHz.
 pub const WITNESS_RATIO: u32 = 21;
 
+/// Whether the counters run at constant rates: the host may stop one of them.
+pub const HAS_CONSTANT_CLOCKS: bool = false;
+
 /// Samples that fit into ordinary RAM; the machine has neither of the Pixhawk's other memories.
 pub const SAMPLE_ROOM: (usize, usize) = (1_024, 0);
 

@@ -5,6 +5,7 @@ pub mod card;
 pub mod freeze;
 pub mod led;
 pub mod pulse;
+mod ring;
 pub mod sdio;
 pub mod time;
 pub mod uart;

@@ -12,14 +12,13 @@
 //! *Limits.* embassy's ticks are µs. Before [`start`] its time is 0.
 
 use core::arch::asm;
-use core::cell::RefCell;
+use core::cell::UnsafeCell;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 use core::task::Waker;
 
 use cortex_m::peripheral::scb::SystemHandler;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{SCB, SYST};
-use critical_section::Mutex;
 use embassy_time_driver::Driver;
 use embassy_time_queue_utils::Queue;
 use stm32f4xx_hal::pac::TIM5;
@@ -28,7 +27,7 @@ use timebase::tick::{self, CounterPair, Word};
 use timebase::{CORE_HZ, Cycles, Stamp};
 
 use crate::settings::VARIANT;
-use crate::{board, priorities};
+use crate::{board, masks, priorities};
 
 /// The longest time from alarm to alarm, and so for bytes in a ring before their task is woken, in
 /// cycles: 1 ms.
@@ -88,24 +87,33 @@ const _: () = assert!(Registers::PERIOD.is_multiple_of(Registers::RATIO));
 
 /// Why the clock did not start.
 #[derive(Clone, Copy, Debug, defmt::Format)]
-pub struct PriorityRefused {
-    /// What was written to SHPR3 for SysTick.
-    pub wanted: u8,
-    /// What was read back.
-    pub found: u8,
+pub enum NotStarted {
+    /// SHPR3 does not read back as it was written, for SysTick.
+    Priority {
+        /// What was written.
+        wanted: u8,
+        /// What was read back.
+        found: u8,
+    },
+    /// The witness counts at another rate than the board's file says: a bootloader may have left
+    /// the timers' clock doubled (RCC_DCKCFGR, TIMPRE), and every lost tick would be made good wrongly.
+    Ratio {
+        /// Its counts in [`RATIO_TICKS`] ticks, as they have to be.
+        wanted: u32,
+        /// As they are.
+        found: u32,
+    },
 }
+
+/// For so many ticks the witness is held against SysTick at the start: 1 ms and more.
+const RATIO_TICKS: u32 = 1_000_u32.div_ceil(VARIANT.tick_us()) + 1;
 
 /// Starts the witness, and SysTick at [`priorities::TICK`].
 ///
 /// # Errors
 ///
-/// [`PriorityRefused`] when SHPR3 does not read back as it was written. SysTick is not started then.
-pub fn start(
-    mut syst: SYST,
-    scb: &mut SCB,
-    tim5: TIM5,
-    rcc: &mut Rcc,
-) -> Result<(), PriorityRefused> {
+/// [`NotStarted`]; no tick comes then.
+pub fn start(mut syst: SYST, scb: &mut SCB, tim5: TIM5, rcc: &mut Rcc) -> Result<(), NotStarted> {
     start_witness(&tim5, rcc);
     // SAFETY: the priorities are those of the table; no critical section depends on priorities.
     unsafe {
@@ -114,7 +122,7 @@ pub fn start(
     }
     let found = SCB::get_priority(SystemHandler::SysTick);
     if found != priorities::TICK {
-        return Err(PriorityRefused {
+        return Err(NotStarted::Priority {
             wanted: priorities::TICK,
             found,
         });
@@ -123,6 +131,9 @@ pub fn start(
     syst.set_reload(Registers::PERIOD - 1);
     syst.clear_current();
     syst.enable_counter();
+    if board::HAS_CONSTANT_CLOCKS {
+        check_ratio(&mut syst)?;
+    }
     tick::start(&Registers);
     // From here on every wrap has its interrupt, or is found by the witness.
     STARTED.store(true, Relaxed);
@@ -137,6 +148,28 @@ fn start_witness(tim5: &TIM5, rcc: &mut Rcc) {
     // The prescaler takes effect at the next update; this is one.
     tim5.egr().write(|w| w.ug().update());
     tim5.cr1().write(|w| w.cen().enabled());
+}
+
+/// Holds the witness against SysTick for a ms.
+fn check_ratio(syst: &mut SYST) -> Result<(), NotStarted> {
+    /// What the looks at the end of a tick may be apart, in counts: some dozen instructions.
+    const APART: u32 = 64;
+    let wanted = RATIO_TICKS * (Registers::PERIOD / Registers::RATIO);
+    let mut at_wrap = || {
+        // COUNTFLAG is cleared by its reading.
+        while !syst.has_wrapped() {}
+        Registers.read_witness()
+    };
+    let before = at_wrap();
+    let mut after = before;
+    for _ in 0..RATIO_TICKS {
+        after = at_wrap();
+    }
+    let found = after.wrapping_sub(before);
+    if found.abs_diff(wanted) > APART {
+        return Err(NotStarted::Ratio { wanted, found });
+    }
+    Ok(())
 }
 
 /// Time since boot.
@@ -236,8 +269,7 @@ fn is_alarm_due(anchor: Stamp) -> bool {
 
 /// Wakes what is due and sets the next alarm. PendSV calls it.
 pub fn on_alarm() {
-    critical_section::with(|token| {
-        let mut timers = DRIVER.timers.borrow_ref_mut(token);
+    DRIVER.with_timers(|timers| {
         let now = now();
         if now >= timers.due {
             let next_us = timers.queue.next_expiration(now.as_micros());
@@ -260,7 +292,21 @@ fn set_alarm(due: Cycles) {
 }
 
 struct TimeDriver {
-    timers: Mutex<RefCell<Timers>>,
+    timers: UnsafeCell<Timers>,
+}
+
+// SAFETY: the timers are reached through `with_timers` alone.
+unsafe impl Sync for TimeDriver {}
+
+impl TimeDriver {
+    /// Lends the timers. The alarm and the tasks come here, nobody above them, and `act` wakes tasks
+    /// but runs none.
+    fn with_timers<R>(&self, act: impl FnOnce(&mut Timers) -> R) -> R {
+        // SAFETY: everybody else who comes here is kept out.
+        masks::up_to(priorities::ALARM, || {
+            act(unsafe { &mut *self.timers.get() })
+        })
+    }
 }
 
 struct Timers {
@@ -270,10 +316,10 @@ struct Timers {
 }
 
 embassy_time_driver::time_driver_impl!(static DRIVER: TimeDriver = TimeDriver {
-    timers: Mutex::new(RefCell::new(Timers {
+    timers: UnsafeCell::new(Timers {
         queue: Queue::new(),
         due: Cycles(u64::MAX),
-    })),
+    }),
 });
 
 impl Driver for TimeDriver {
@@ -286,8 +332,7 @@ impl Driver for TimeDriver {
     }
 
     fn schedule_wake(&self, at: u64, waker: &Waker) {
-        critical_section::with(|token| {
-            let mut timers = self.timers.borrow_ref_mut(token);
+        self.with_timers(|timers| {
             let is_new = timers.queue.schedule_wake(at, waker);
             let at = Cycles::from_micros(at);
             if is_new && at < timers.due {

@@ -13,8 +13,7 @@
 //! | incoming, 256 | the handler, ≤ 11.5 bytes a ms at 115200 | the task, within 12 ms | the byte is lost and counted |
 //! | outgoing | the task, whole frames | the handler, as the line takes them | the frame is refused and counted |
 //!
-//! The incoming ring is emptied as a whole, under a critical section of some hundred instructions: a
-//! lock-free queue costs the task more for each byte than the search for frames.
+//! The incoming ring is emptied as a whole, in place ([`ring`](super::ring)).
 //!
 //! *Limits.* The F4's UARTs have no FIFO: interrupts masked for longer than a byte (87 µs at 115200)
 //! lose one, counted as an overrun. Bytes with a framing error are dropped; a noisy byte is kept,
@@ -28,12 +27,12 @@ use core::task::Poll;
 use cortex_m::peripheral::NVIC;
 use critical_section::Mutex;
 use embassy_sync::waitqueue::AtomicWaker;
-use heapless::Deque;
 use heapless::spsc::{Consumer, Producer};
 use stm32f4xx_hal::pac::Interrupt;
 use stm32f4xx_hal::pac::usart1::RegisterBlock;
 use timebase::{CORE_HZ, Stamp, StampedByte};
 
+use super::ring::Ring;
 use super::time;
 use crate::settings::VARIANT;
 
@@ -46,6 +45,7 @@ mod bits {
     pub(super) const SR_RXNE: u16 = 1 << 5;
     pub(super) const SR_TC: u16 = 1 << 6;
     pub(super) const SR_TXE: u16 = 1 << 7;
+    pub(super) const CR1_RE: u16 = 1 << 2;
     pub(super) const CR1_RXNEIE: u16 = 1 << 5;
     pub(super) const CR1_TXEIE: u16 = 1 << 7;
 }
@@ -62,17 +62,7 @@ const LOOK_EVERY: u32 = CORE_HZ / 1_000;
 
 /// The incoming ring of a line. It is beside the line and not in it because it is all zeros at first,
 /// and so takes no flash.
-pub struct Incoming(UnsafeCell<Deque<StampedByte, INCOMING>>);
-
-// SAFETY: only its `Line` reaches into it, for the reason given there.
-unsafe impl Sync for Incoming {}
-
-impl Incoming {
-    /// An empty one.
-    pub const fn new() -> Self {
-        Self(UnsafeCell::new(Deque::new()))
-    }
-}
+pub type Incoming = Ring<INCOMING>;
 
 /// What went wrong on a line, by kind.
 #[derive(Clone, Copy, Debug, Default)]
@@ -114,8 +104,8 @@ enum Kind {
 }
 
 // SAFETY: only `on_interrupt` touches `outgoing`, and its contract keeps it to one interrupt.
-// `incoming` is touched there, and under critical sections which it cannot preempt. Everything else
-// is atomic or behind a mutex.
+// `incoming` is filled there and drained by the one `Reader`. Everything else is atomic or behind a
+// mutex.
 unsafe impl Sync for Line {}
 
 impl Line {
@@ -178,9 +168,8 @@ impl Line {
         let stamp = time::stamp();
         let byte = registers.dr().read().bits() as u8;
         if status & bits::SR_ERRORS == 0 || self.is_usable(status) {
-            // SAFETY: other users of the ring mask this handler meanwhile.
-            let incoming = unsafe { &mut *self.incoming.0.get() };
-            if incoming.push_back(StampedByte { stamp, byte }).is_err() {
+            // SAFETY: this handler alone fills the ring.
+            if !unsafe { self.incoming.push(StampedByte { stamp, byte }) } {
                 self.count(Kind::IncomingFull);
             }
             if VARIANT.is_papers() {
@@ -226,7 +215,7 @@ impl Line {
     /// variants it wakes the task when any bytes wait, see [`Self::look_as_px4`].
     #[inline]
     pub fn wake_reader(&self) {
-        let waiting = self.with_incoming(|incoming| incoming.len());
+        let waiting = self.incoming.len();
         if waiting == 0 {
             return;
         }
@@ -267,14 +256,6 @@ impl Line {
         counter.store(counter.load(Relaxed).wrapping_add(1), Relaxed);
     }
 
-    #[inline(always)]
-    fn with_incoming<R>(&self, act: impl FnOnce(&mut Deque<StampedByte, INCOMING>) -> R) -> R {
-        critical_section::with(|_| {
-            // SAFETY: the handler, and all other code that could come here, is masked.
-            act(unsafe { &mut *self.incoming.0.get() })
-        })
-    }
-
     fn registers(&self) -> &RegisterBlock {
         // SAFETY: `new`'s contract.
         unsafe { &*self.registers }
@@ -285,7 +266,7 @@ impl Line {
         critical_section::with(|_| {
             self.registers()
                 .cr1()
-                // SAFETY: only the interrupt-enable bits above are changed.
+                // SAFETY: only the bits above are changed.
                 .modify(|r, w| unsafe { w.bits(change(r.bits())) });
         });
     }
@@ -301,7 +282,7 @@ impl Reader {
     pub async fn wait(&mut self) {
         poll_fn(|context| {
             self.line.reader.register(context.waker());
-            if self.line.with_incoming(|incoming| incoming.is_empty()) {
+            if self.line.incoming.len() == 0 {
                 Poll::Pending
             } else {
                 Poll::Ready(())
@@ -312,19 +293,14 @@ impl Reader {
 
     /// How many bytes are there now.
     pub fn waiting(&self) -> usize {
-        self.line.with_incoming(|incoming| incoming.len())
+        self.line.incoming.len()
     }
 
-    /// Passes the bytes that are there now to `take`, in two pieces at most, and empties the ring.
-    /// Interrupts are masked meanwhile: `take` copies the bytes and does no more.
+    /// Passes the bytes that are there now to `take`, in two pieces, and empties the ring.
     #[inline(always)]
-    pub fn take(&mut self, mut take: impl FnMut(&[StampedByte])) {
-        self.line.with_incoming(|incoming| {
-            let (older, newer) = incoming.as_slices();
-            take(older);
-            take(newer);
-            incoming.clear();
-        });
+    pub fn take(&mut self, take: impl FnMut(&[StampedByte])) {
+        // SAFETY: there is one `Reader` of a line, and `take` cannot have it.
+        unsafe { self.line.incoming.drain(take) };
     }
 
     /// What went wrong on the line so far.
@@ -375,14 +351,16 @@ impl Writer {
         self.outgoing.is_empty() && self.line.registers().sr().read().bits() & bits::SR_TC != 0
     }
 
-    /// Changes the rate of both directions; wait for [`Self::is_idle`] before.
+    /// Changes the rate of both directions; wait for [`Self::is_idle`] before. A byte that was on its way
+    /// in is lost.
     pub fn set_baud(&mut self, baud: u32) {
         let divider = (self.clock_hz + baud / 2) / baud;
+        let registers = self.line.registers();
+        // A byte that is half in would be read at both rates.
+        self.line.change_cr1(|cr1| cr1 & !bits::CR1_RE);
         // SAFETY: with 16-fold oversampling BRR is the divider in sixteenths
         // (RM0090, section 30.3.4); our rates give 182 to 4 375 at 42 MHz.
-        self.line
-            .registers()
-            .brr()
-            .write(|w| unsafe { w.bits(divider as u16) });
+        registers.brr().write(|w| unsafe { w.bits(divider as u16) });
+        self.line.change_cr1(|cr1| cr1 | bits::CR1_RE);
     }
 }

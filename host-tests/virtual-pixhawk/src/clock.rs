@@ -18,6 +18,7 @@
 use anyhow::{Context as _, ensure};
 use paper_clock::BaseTime;
 use timebase::Cycles;
+use timebase::tick::AHEAD;
 use utc_clock::{Published, Reading};
 use world::WorldNanos;
 
@@ -90,7 +91,8 @@ impl Pixhawk {
         Ok(Cycles(now.0.wrapping_add_signed(-i64::from(since))))
     }
 
-    /// Cycles since boot; wrong in the middle of the tick interrupt.
+    /// Cycles since boot, to some cycles: from the witness alone, which was read a little later than
+    /// SysTick at the start. Wrong in the middle of the tick interrupt.
     fn cycles(&mut self) -> anyhow::Result<Cycles> {
         let words = self.words(ANCHOR)?;
         let &[low, high, at_anchor, ..] = words.as_slice() else {
@@ -99,6 +101,7 @@ impl Pixhawk {
         let since = self
             .peek(WITNESS)?
             .wrapping_sub(at_anchor)
+            .wrapping_sub(AHEAD)
             .wrapping_mul(WITNESS_RATIO);
         let anchor = u64::from(high) << 32 | u64::from(low);
         Ok(Cycles(anchor + u64::from(since)))

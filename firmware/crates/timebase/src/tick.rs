@@ -75,8 +75,9 @@ pub trait CounterPair {
 /// Sets the anchor to cycle 0 at the wrap before this moment.
 ///
 /// Both counters run already. The time between the start of one and the start of the other is
-/// measured here, once, and cancels in every reading. The witness is read last, so that it
-/// never shows more than the time that has passed: a tick that is due by the witness is due.
+/// measured here, once, and cancels in every reading. The witness is read last, and so shows less than
+/// the time that has passed, by what the reading takes; [`margin`] makes that more, so that a tick is due
+/// by the witness whatever the bus takes in the interrupt and here.
 #[inline]
 pub fn start<C: CounterPair>(counters: &C) {
     counters.masked(|| {
@@ -93,7 +94,9 @@ pub fn start<C: CounterPair>(counters: &C) {
         counters.store(Word::AnchorHigh, 0);
         counters.store(
             Word::AnchorWitness,
-            witness.wrapping_sub(since_wrap / C::RATIO),
+            witness
+                .wrapping_sub(since_wrap / C::RATIO)
+                .wrapping_sub(margin::<C>()),
         );
         counters.store(Word::LostTicks, 0);
     });
@@ -151,6 +154,16 @@ pub fn on_tick<C: CounterPair>(counters: &C) -> Option<Stamp> {
 const fn plainly_late<C: CounterPair>() -> u32 {
     let period = C::PERIOD / C::RATIO;
     1 << (period - period.div_ceil(64)).ilog2()
+}
+
+/// By how much the witness is ahead of the time, in counts, where a period leaves as much: 64 cycles of
+/// the core, which is several times what a register takes.
+pub const AHEAD: u32 = 32;
+
+/// [`AHEAD`], or half of what [`plainly_late`] leaves.
+const fn margin<C: CounterPair>() -> u32 {
+    let left = C::PERIOD / C::RATIO - plainly_late::<C>();
+    if left / 2 < AHEAD { left / 2 } else { AHEAD }
 }
 
 /// The tick interrupt in every other case: it came late, after others were lost, or for a wrap
@@ -224,7 +237,76 @@ impl Since {
 
 #[cfg(test)]
 mod tests {
+    use core::cell::Cell;
+
     use super::*;
+
+    /// Counters whose registers take their time: so many cycles until a register is looked at.
+    struct Bus {
+        now: Cell<u64>,
+        down_count_after: u64,
+        witness_after: u64,
+        words: [Cell<u32>; 4],
+    }
+
+    impl CounterPair for Bus {
+        const PERIOD: u32 = 8_400;
+        const RATIO: u32 = 2;
+
+        fn read_pair(&self) -> (u32, u32) {
+            let witness = self.read_witness();
+            self.now.set(self.now.get() + self.down_count_after);
+            let past = (self.now.get() % u64::from(Self::PERIOD)) as u32;
+            self.now.set(self.now.get() + 1);
+            (witness, (Self::PERIOD - past) % Self::PERIOD)
+        }
+
+        fn read_witness(&self) -> u32 {
+            self.now.set(self.now.get() + self.witness_after);
+            let witness = (self.now.get() / u64::from(Self::RATIO)) as u32;
+            self.now.set(self.now.get() + 1);
+            witness
+        }
+
+        fn load(&self, word: Word) -> u32 {
+            self.words[word as usize].get()
+        }
+
+        fn store(&self, word: Word, value: u32) {
+            self.words[word as usize].set(value);
+        }
+
+        fn masked<R>(&self, section: impl FnOnce() -> R) -> R {
+            section()
+        }
+    }
+
+    #[test]
+    fn a_tick_that_is_in_time_is_plain_whatever_a_register_takes() {
+        let period = u64::from(Bus::PERIOD);
+        for (down_count_after, witness_after, entry) in
+            [(0, 0, 0), (0, 60, 0), (30, 0, 1), (1, 12, 12), (2, 8, 40)]
+        {
+            for begins in [period, period + 1, 2 * period - 200] {
+                let bus = Bus {
+                    now: Cell::new(begins),
+                    down_count_after,
+                    witness_after,
+                    words: Default::default(),
+                };
+                start(&bus);
+                let first_wrap = bus.now.get().next_multiple_of(period);
+                for tick in 0..4 {
+                    bus.now.set(first_wrap + tick * period + entry);
+                    let anchor = on_tick(&bus);
+                    assert!(
+                        anchor.is_some(),
+                        "{down_count_after} {witness_after} {entry} {begins} {tick}"
+                    );
+                }
+            }
+        }
+    }
 
     #[test]
     fn a_down_count_names_one_moment_of_each_period() {

@@ -13,10 +13,9 @@ use embassy_futures::select::{Either3, select3};
 use embassy_time::{Duration, Ticker, Timer};
 use fault_record::Hang;
 use mavlink_node::{Config, Node, PingReply};
-use timebase::StampedByte;
 
 use crate::drivers::time;
-use crate::drivers::uart::{INCOMING, Reader, Writer};
+use crate::drivers::uart::{Reader, Writer};
 use crate::reports::{MAVLINK, MavlinkReport};
 use crate::supervision::{self, COME_BY};
 use crate::{image_words, settings};
@@ -44,7 +43,6 @@ pub async fn run(line: (Reader, Writer)) {
             PingReply::RtosTime
         },
     });
-    let mut batch = [StampedByte::default(); INCOMING];
     let mut beat = Ticker::every(Duration::from_secs(1));
     loop {
         supervision::came_by(Hang::Mavlink);
@@ -59,11 +57,13 @@ pub async fn run(line: (Reader, Writer)) {
             });
         }
         let now = time::now();
-        for &byte in take(&mut reader, &mut batch) {
-            if let Some(request) = node.push(byte, now) {
-                requests::serve(&mut node, &mut writer, &request);
+        reader.take(|bytes| {
+            for &byte in bytes {
+                if let Some(request) = node.push(byte, now) {
+                    requests::serve(&mut node, &mut writer, &request);
+                }
             }
-        }
+        });
         while node.has_more()
             && writer.waiting() <= NEXT_BELOW
             && let Some(frame) = node.poll(&ThisBoard)
@@ -71,18 +71,4 @@ pub async fn run(line: (Reader, Writer)) {
             writer.send(&frame);
         }
     }
-}
-
-/// Copies the bytes that are there, because the ring may be held for no longer than that takes.
-#[inline(always)]
-fn take<'a>(reader: &mut Reader, batch: &'a mut [StampedByte; INCOMING]) -> &'a [StampedByte] {
-    let mut len = 0;
-    reader.take(|bytes| {
-        let end = len + bytes.len();
-        if let Some(free) = batch.get_mut(len..end) {
-            free.copy_from_slice(bytes);
-            len = end;
-        }
-    });
-    batch.get(..len).unwrap_or_default()
 }

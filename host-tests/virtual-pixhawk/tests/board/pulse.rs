@@ -139,8 +139,7 @@ fn an_edge_that_rings_is_followed_as_the_first_within_its_uncertainty() {
             let mut board = Builder::new(firmware.clone())
                 .pace(pace.parse().unwrap())
                 .crystal_ppb(40_000)
-                .gps(Receiver::new(settings.clone()))
-                .pulse(Pulses::new(&settings))
+                .gps_and_pulse(Receiver::new(settings.clone()))
                 .power_on()
                 .unwrap();
             board.run_to(WorldNanos(40 * SECOND)).unwrap();

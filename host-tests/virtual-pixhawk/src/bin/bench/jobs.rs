@@ -82,10 +82,7 @@ const MARK: &str = "<utc_clock::discipline::Discipline>::handle_mark";
 /// it follows both, after eight minutes, when its memory is full.
 pub fn estimators(subject: &Subject) -> anyhow::Result<[Row; 2]> {
     const PULSE: &str = "<utc_clock::clock::UtcClock>::handle_edge";
-    let mut board = subject
-        .board()
-        .gps_and_pulse(receiver())
-        .power_on()?;
+    let mut board = subject.board().gps_and_pulse(receiver()).power_on()?;
     board.run_to(WorldNanos(490 * SECOND))?;
     board.start_meter(&[MARK, PULSE])?;
     board.run_for(20 * SECOND)?;

@@ -3,9 +3,9 @@
 use mavlink_node::client::Client;
 use mavlink_node::{Address, Test, Version};
 use virtual_pixhawk::{Card, Script, Tally};
-use world::{Pulses, Receiver, Transmission, WorldNanos};
+use world::{Transmission, WorldNanos};
 
-use crate::board::{BAUD, HOST, MS, SECOND, Subject, receiver_settings};
+use crate::board::{BAUD, HOST, MS, SECOND, Subject, receiver};
 use crate::table::{Row, Sections};
 
 /// Exception numbers of the vector table (RM0090, table 62): 16 and the interrupt's.
@@ -37,11 +37,9 @@ pub fn all(subject: &Subject) -> anyhow::Result<(Vec<Row>, Sections)> {
         baud: BAUD,
     });
     requests.sort_by_key(|request| request.start);
-    let settings = receiver_settings();
     let mut board = subject
         .board()
-        .gps(Receiver::new(settings.clone()))
-        .pulse(Pulses::new(&settings))
+        .gps_and_pulse(receiver())
         .telem1(Script::new(requests))
         .card(Card::holding(&fat_image::formatted(fat_image::Kind::Fat16)))
         .power_on()?;

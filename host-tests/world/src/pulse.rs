@@ -143,9 +143,13 @@ impl Pulses {
                 PulseFaultKind::Missing { one_in } => {
                     is_lost |= self.rng.u32(0..one_in.max(1)) == 0;
                 }
-                PulseFaultKind::Doubled { after_ns } => more_ns.push(after_ns),
+                PulseFaultKind::Doubled { after_ns } => more_ns.push((after_ns, width_ns)),
                 PulseFaultKind::Bouncing { edges, within_ns } => {
-                    more_ns.extend((0..edges).map(|_| self.rng.u64(0..within_ns.max(1)) + 1));
+                    // It falls when it would have fallen.
+                    more_ns.extend((0..edges).map(|_| {
+                        let after_ns = self.rng.u64(0..within_ns.max(1)) + 1;
+                        (after_ns, width_ns.saturating_sub(after_ns).max(1))
+                    }));
                 }
                 PulseFaultKind::Inverted => {
                     edge_ns = edge_ns.saturating_add_unsigned(width_ns);
@@ -154,7 +158,7 @@ impl Pulses {
                 }
                 PulseFaultKind::Repeated { hz } => {
                     let period_ns = NS_PER_S.cast_unsigned() / u64::from(hz.max(1));
-                    more_ns.extend((1..u64::from(hz)).map(|nth| nth * period_ns));
+                    more_ns.extend((1..u64::from(hz)).map(|nth| (nth * period_ns, width_ns)));
                 }
                 PulseFaultKind::Width { width_ns: other_ns } => width_ns = other_ns,
                 PulseFaultKind::WrongPhase { by_ns } => {
@@ -167,7 +171,7 @@ impl Pulses {
             return;
         }
         self.add_edge(edge_ns, utc_s, made.late_ps, width_ns);
-        for after_ns in more_ns {
+        for (after_ns, width_ns) in more_ns {
             let edge_ns = edge_ns.saturating_add_unsigned(after_ns);
             self.add_edge(edge_ns, None, 0, width_ns);
         }

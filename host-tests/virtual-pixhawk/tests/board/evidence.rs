@@ -19,6 +19,9 @@ const READING_NS: i64 = 6;
 /// A pulse that is followed, at constant temperature: two boards are at most 130 ns apart.
 const FOLLOWED_NS: i64 = 130;
 
+/// What a clock claims under a healthy pulse that it has followed for a minute, at most. \[ns\]
+const CLAIMED_NS: u64 = 200;
+
 /// How far a clock is from UTC.
 fn error_ns(clock: &ClockReading) -> i64 {
     clock.reading.utc.0 - START_UTC_NS - clock.at.0.cast_signed()
@@ -126,7 +129,10 @@ fn a_pulse_that_goes_wrong_is_left_and_one_that_comes_back_is_followed() {
         let before = readings(&mut board, 60);
         let (error_ns, uncertainty_ns) = most(&before[80..]);
         assert!(error_ns <= FOLLOWED_NS, "{kind:?}: {error_ns} ns");
-        assert!(uncertainty_ns <= 1_000, "{kind:?}: {uncertainty_ns} ns");
+        assert!(
+            uncertainty_ns <= CLAIMED_NS,
+            "{kind:?}: {uncertainty_ns} ns"
+        );
         let during = readings(&mut board, 120);
         println!(
             "{kind:?}: {:?} then {:?} ns",
@@ -137,7 +143,10 @@ fn a_pulse_that_goes_wrong_is_left_and_one_that_comes_back_is_followed() {
         let after = readings(&mut board, 200);
         let (error_ns, uncertainty_ns) = most(&after);
         assert!(error_ns <= FOLLOWED_NS, "{kind:?}: {error_ns} ns");
-        assert!(uncertainty_ns <= 1_000, "{kind:?}: {uncertainty_ns} ns");
+        assert!(
+            uncertainty_ns <= CLAIMED_NS,
+            "{kind:?}: {uncertainty_ns} ns"
+        );
     }
 }
 
@@ -171,7 +180,7 @@ fn raw_data_that_fills_the_line_is_switched_off() {
     assert_eq!(status(&log, "gps_foreign_bytes"), before);
     let (error_ns, uncertainty_ns) = most(&clocks);
     println!("{error_ns} ns, {uncertainty_ns} ns");
-    assert!(error_ns <= FOLLOWED_NS && uncertainty_ns <= 1_000);
+    assert!(error_ns <= FOLLOWED_NS && uncertainty_ns <= CLAIMED_NS);
 }
 
 #[test]
@@ -226,7 +235,7 @@ fn a_leap_count_that_comes_late_is_in_the_uncertainty_until_then() {
     );
     let (error_ns, uncertainty_ns) = most(&clocks[60..]);
     println!("{error_ns} ns, {uncertainty_ns} ns");
-    assert!(error_ns <= FOLLOWED_NS && uncertainty_ns <= 1_000);
+    assert!(error_ns <= FOLLOWED_NS && uncertainty_ns <= CLAIMED_NS);
 }
 
 #[test]
@@ -244,7 +253,7 @@ fn a_latency_that_moves_under_the_pulse_moves_nothing() {
     let log = board.take_log().unwrap();
     let (error_ns, uncertainty_ns) = most(&clocks);
     println!("{error_ns} ns, {uncertainty_ns} ns");
-    assert!(error_ns <= FOLLOWED_NS && uncertainty_ns <= 1_000);
+    assert!(error_ns <= FOLLOWED_NS && uncertainty_ns <= CLAIMED_NS);
     // It was followed all the time.
     assert_eq!(status(&log, "pulse_locks"), 1);
     assert!(status(&log, "pulses") > 200);

@@ -107,7 +107,7 @@ fn of_an_edge_that_bounces_the_first_is_the_pulse() {
         until: WorldNanos(u64::MAX),
         kind: PulseFaultKind::Bouncing {
             edges: 5,
-            within_ns: 5 * MS,
+            within_ns: MS,
         },
     }];
     let mut board = board(&firmware, 40_000, &settings);

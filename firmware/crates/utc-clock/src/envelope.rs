@@ -527,7 +527,7 @@ impl Envelope {
         if let Some(slow_ppb) = self.wander.slow_ppb()
             && self.wanders()
         {
-            self.line.crystal_ppb = slow_ppb;
+            self.line.crystal_ppb = slow_ppb.max(-CRYSTAL_PPB).min(CRYSTAL_PPB);
             self.variance = WANDER_VARIANCE;
             return;
         }

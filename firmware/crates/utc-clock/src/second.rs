@@ -106,6 +106,8 @@ struct Votes {
 #[derive(Clone, Debug)]
 pub(crate) struct Second {
     count: Option<i8>,
+    /// Somebody has said so, and no receiver.
+    is_configured: bool,
     is_proved: bool,
     votes: Votes,
     /// What was announced last, and when, until the second is proved.
@@ -121,6 +123,7 @@ impl Second {
     pub(crate) fn new(configured_count: Option<i8>) -> Self {
         Self {
             count: configured_count,
+            is_configured: configured_count.is_some(),
             is_proved: false,
             votes: Votes::default(),
             announced: None,
@@ -297,6 +300,11 @@ impl Second {
             .count
             .filter(|count| is_from_sky && *count >= RELEASED_COUNT)
         else {
+            if !self.is_proved && !self.is_configured {
+                // It has started anew, and its marks have the count that it does not know.
+                self.count = None;
+                self.votes = Votes::default();
+            }
             return;
         };
         if self.count.is_none() {

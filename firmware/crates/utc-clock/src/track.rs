@@ -53,6 +53,10 @@ const UNBIASED: f32 = 0.5;
 /// round, the mean passes through 0.
 const LAGS_FOR: u8 = 20;
 
+/// A drift of 1 ppm a minute that begins moves the quiet filter by so much before an innovation
+/// shows it. [ns]
+const ONSET_NS: f32 = 16.0;
+
 /// Where the crystal is steady, the two filters are not farther apart a second later. [ns]
 const APART_NS: f32 = 32.0;
 /// Beyond that the quiet one may be off by so many times the distance.
@@ -72,9 +76,15 @@ const SURPRISE_FORGOTTEN: f32 = 0.15;
 /// The ramping filter's innovations are averaged over so many pulses.
 const LAG_OVER: f32 = 3.0;
 /// It lags when their mean is beyond so many standard deviations of one; white ones have 0.45.
-const LAGGING: f32 = 1.1;
-/// Then nothing better is known of the drift than this; 1 ppm a minute is 16.7. [ppb/s]
-const TURN_PPB_PER_S: f32 = 20.0;
+const LAGGING: f32 = 0.9;
+/// What is beyond so many may be lag already, and the phase be off by so many times as much.
+const UNLAGGING: f32 = 0.7;
+const MOST_LAG_NS: f32 = 15.0;
+const LAG_WORTH: f32 = 1.0;
+/// Then the quiet filter is not asked for so many pulses at least.
+const TURNS_FOR: u8 = 5;
+/// And nothing better is known of the drift than this; 1 ppm a minute is 16.7. [ppb/s]
+const TURN_PPB_PER_S: f32 = 16.0;
 
 /// A drift of 1 ppm a minute that has just turned round, before an innovation shows it. [ppb]
 const TURNED_PPB: f32 = 120.0;
@@ -90,6 +100,8 @@ pub(crate) struct PulseTrack {
     surprise_ns: f32,
     /// The mean of the ramping filter's last innovations. [ns]
     lag_ns: f32,
+    /// How far the phase may be off for that. [ns]
+    lagging_ns: f32,
     /// The last pulse that fitted, less what the receiver says it was late, by the
     /// board's counter; the filters' phases are relative to it. [ns]
     edge_ns: u64,
@@ -119,6 +131,7 @@ impl PulseTrack {
             bias: 0.0,
             surprise_ns: 0.0,
             lag_ns: 0.0,
+            lagging_ns: 0.0,
             edge_ns,
         }
     }
@@ -178,16 +191,17 @@ impl PulseTrack {
 
     /// How far the phase may be off at the last pulse. [ns]
     pub(crate) fn phase_uncertainty_ns(&self) -> f32 {
-        let apart_ns = if self.lags_for > 0 {
+        let quiet_ns = if self.lags_for > 0 {
             0.0
         } else {
-            (self.quiet.phase_ns - self.ramping.phase_ns + self.quiet.frequency_ppb
-                - self.ramping.frequency_ppb)
-                .abs()
+            let apart_ns = self.quiet.phase_ns - self.ramping.phase_ns + self.quiet.frequency_ppb
+                - self.ramping.frequency_ppb;
+            ONSET_NS + APART_WORTH * (apart_ns.abs() - APART_NS).max(0.0)
         };
         UNCERTAIN_SIGMAS * self.filter().phase_deviation_ns()
             + self.surprise_ns
-            + APART_WORTH * (apart_ns - APART_NS).max(0.0)
+            + self.lagging_ns
+            + quiet_ns
     }
 
     /// Takes a pulse at `edge_ns` by the board's counter.
@@ -230,7 +244,17 @@ impl PulseTrack {
             self.lags_for = self.lags_for.saturating_sub(1);
         }
         self.lag_ns += (innovation_ns - self.lag_ns) / LAG_OVER;
+        let most_ns = if self.lags_for > 0 {
+            MOST_LAG_NS
+        } else {
+            2.0 * MOST_LAG_NS
+        };
+        self.lagging_ns = (LAG_WORTH * (self.lag_ns.abs() - UNLAGGING * deviation_ns))
+            .max(0.0)
+            .min(most_ns);
         if self.lag_ns.abs() > LAGGING * deviation_ns {
+            self.lags_for = self.lags_for.max(TURNS_FOR);
+            self.lagging_ns = 0.0;
             ramping.open_drift(TURN_PPB_PER_S);
         }
         let surprise_ns = innovation_ns.abs() - SURPRISE_SIGMAS * deviation_ns;

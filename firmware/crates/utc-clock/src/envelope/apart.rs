@@ -5,13 +5,12 @@
 //!
 //! *Design.* Marks on one side of the line, all of them or, where they are early, without a
 //! pause. After long enough the floor is where the lowest of the second half of that time are, if
-//! it stands: those are not farther away than the lowest of the first half. Otherwise it goes on
-//! being looked at from then on, and a frequency that was learnt wrong is an explanation, too.
+//! it stands: those are not farther away than the lowest of the first half. Otherwise it is looked
+//! at for as long again, and if it does not stand then, the frequency was learnt wrong.
 //!
 //! *Limits.* A floor that moves by less than marks may be from the line is the line's.
 
 use super::elapsed_s;
-use crate::holdover::CRYSTAL_PPB;
 
 /// A floor that has moved stands: over half of the time its lowest marks go away by no more. [ns]
 const STANDS_NS: i32 = 2_000_000;
@@ -91,19 +90,13 @@ impl Apart {
         if lasts_s < after_s {
             return Standing::Unmoved;
         }
-        // What is learnt of the frequency may be wrong, by as much as that can be.
-        let drift_ppb = if self.again {
-            2.0 * CRYSTAL_PPB
-        } else {
-            off_ppb
-        };
-        let stands_ns = STANDS_NS.saturating_add((drift_ppb * half_s) as i32);
+        let stands_ns = STANDS_NS.saturating_add((off_ppb * half_s) as i32);
         let away_ns = if self.second_ns < 0 {
             self.first_ns.saturating_sub(self.second_ns)
         } else {
             self.second_ns.saturating_sub(self.first_ns)
         };
-        if away_ns > stands_ns {
+        if away_ns > stands_ns && !self.again {
             *self = Self {
                 again: true,
                 ..Self::new(at_us, excess_ns)

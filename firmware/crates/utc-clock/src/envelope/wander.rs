@@ -12,6 +12,7 @@
 //! *Limits.* Wander slower than some 15 minutes is a parabola to it. It has no opinion before
 //! the ring is three quarters full.
 
+use super::BEYOND_WANDER_NS;
 use super::bins::Bins;
 use super::density::ArrivalDensity;
 use super::trend::{Point, Trend, seconds};
@@ -143,6 +144,9 @@ impl Wander {
     }
 
     fn learn(&mut self, frame: &Frame, fit: &Parabola) {
+        if 2.0 * fit.slope.abs() > BEYOND_WANDER_NS {
+            return;
+        }
         let part = 2.0 * frame.half_s / FULL_S;
         let weight = part * part * part;
         self.weight = (self.weight + weight).min(SLOW_WEIGHTS);

@@ -26,8 +26,8 @@ use crate::{CORE_HZ, Cycles};
 pub const RATIO: i32 = 2;
 
 /// From an edge to the count 0, in cycles: the input is resynchronised and its edge detected, 2 to 3
-/// counts (RM0090, section 18.3.14, names the delay and no figure; two flip-flops and a detector). On
-/// metal the jumper of `docs/hardware.md` measures it.
+/// counts (RM0090, section 18.3.14, names the delay and no figure; two flip-flops and a detector).
+/// `docs/hardware.md` says how metal can be asked.
 pub const SYNCHRONISER: i32 = 5;
 
 /// How far off that may be, in cycles: half a count.

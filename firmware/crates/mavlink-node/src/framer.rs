@@ -30,11 +30,14 @@
 //! steps, because a checksum over any window is one. How often can that be?
 //!
 //! - A start is noted at each magic byte.
-//! - A candidate of MAVLink 1 needs a magic, a length and an id, and the last two can be one byte:
-//!   `FE 14` repeated is PARAM_REQUEST_READ with 20 bytes in every second byte.
+//! - A candidate of MAVLink 1 needs a magic, a length and an id. One byte can be both of the last two:
+//!   PARAM_REQUEST_READ has 20 bytes and the id 20, and `FE 14` repeated would be one in two bytes. But
+//!   then the component is a magic, too, as no component is: such a header makes no candidate. So
+//!   there is at most one in three bytes, `FE 0E 04` repeated.
 //! - A candidate of MAVLink 2 needs a magic, a length, and zeros where the next candidates would
 //!   have theirs: at most one in five bytes.
-//! - Each byte is passed once by the reader that takes one frame after the other.
+//! - The reader that takes one frame after the other passes each header once, and not those of frames
+//!   that are known to be damaged.
 //!
 //! `cargo xtask bench` measures streams made to cost most.
 //!
@@ -62,7 +65,7 @@ const SIGNATURE_LEN: usize = 13;
 const LONGEST: usize = HEADER_V2 + u8::MAX as usize + CRC_LEN + SIGNATURE_LEN;
 
 /// Candidates with longer payloads than are known that are awaited at once.
-const LONG_ONES: usize = 8;
+const LONG_ONES: usize = 3;
 
 /// Positions of the stream that have a cell: the reader of one frame after the other is no farther
 /// behind than that, and ends are noted ahead.
@@ -426,8 +429,7 @@ impl<W: Wanted, const PAYLOAD: usize, const ENDS: usize> Framer<W, PAYLOAD, ENDS
         if due.word.is_due(Word::HEADER_V1) {
             self.consider_v1();
         }
-        // The uppermost byte of an id is zero in every wanted one.
-        if due.word.is_due(Word::HEADER_V2) && byte == 0 {
+        if due.word.is_due(Word::HEADER_V2) {
             self.consider_v2();
         }
         0
@@ -442,10 +444,14 @@ impl<W: Wanted, const PAYLOAD: usize, const ENDS: usize> Framer<W, PAYLOAD, ENDS
             MAGIC_V2 => (HEADER_V2, Word::HEADER_V2),
             _ => return,
         };
-        let start = self.position.wrapping_sub(2);
-        *self.starts.at_mut(start / 32) |= 1 << (start % 32);
         let ahead = header_len as u32 - 3;
         self.cells.at_mut(self.position.wrapping_add(ahead)).word.0 |= due;
+    }
+
+    /// The reader has to look at `start`.
+    #[inline]
+    fn keep_start(&mut self, start: u32) {
+        *self.starts.at_mut(start / 32) |= 1 << (start % 32);
     }
 
     /// The frame at `start` is damaged.
@@ -569,8 +575,16 @@ impl<W: Wanted, const PAYLOAD: usize, const ENDS: usize> Framer<W, PAYLOAD, ENDS
             _ if at(8) == 0 && at(9) == 0 => Version::V2,
             _ => return None,
         };
-        let shape = Self::shape(self.id_at(start));
-        shape.can_have(version, at(1)).then_some(shape)
+        let id = self.id_at(start);
+        let shape = Self::shape(id);
+        let is_ambiguous = version == Version::V1 && self.is_ambiguous(start, at(1), id);
+        (shape.can_have(version, at(1)) && !is_ambiguous).then_some(shape)
+    }
+
+    /// Whether a header of MAVLink 1 that has its length for its id has a magic for its component.
+    #[inline]
+    const fn is_ambiguous(&self, start: u32, len: u8, id: u8) -> bool {
+        len == id && matches!(self.byte(start.wrapping_add(4)), MAGIC_V1 | MAGIC_V2)
     }
 
     /// The lowest byte of the id in the header at `start`.
@@ -594,14 +608,22 @@ impl<W: Wanted, const PAYLOAD: usize, const ENDS: usize> Framer<W, PAYLOAD, ENDS
     #[inline(always)]
     fn consider_v1(&mut self) {
         let start = self.position.wrapping_sub(HEADER_V1 as u32);
+        self.keep_start(start);
         self.consider(Version::V1, HEADER_V1, start, self.last);
     }
 
-    /// The last byte is the last one of the id of what may be a MAVLink 2 header, and 0. The middle
-    /// one is 0 in every wanted one, too.
+    /// The last byte is the last one of the id of what may be a MAVLink 2 header. The upper two are
+    /// zero in every wanted one.
     #[inline(never)]
     fn consider_v2(&mut self) {
         let start = self.position.wrapping_sub(HEADER_V2 as u32);
+        let has_known_flags = self.byte(start.wrapping_add(2)) & !SIGNED == 0;
+        if has_known_flags {
+            self.keep_start(start);
+        }
+        if self.last != 0 {
+            return;
+        }
         let [id, middle] = [3, 2].map(|n| self.byte(self.position.wrapping_sub(n)));
         if middle == 0 {
             self.consider(Version::V2, HEADER_V2, start, id);
@@ -619,6 +641,9 @@ impl<W: Wanted, const PAYLOAD: usize, const ENDS: usize> Framer<W, PAYLOAD, ENDS
         }
         if version == Version::V2 && self.byte(start.wrapping_add(2)) & !SIGNED != 0 {
             self.counters.unknown_flags = self.counters.unknown_flags.wrapping_add(1);
+            return;
+        }
+        if version == Version::V1 && self.is_ambiguous(start, len, id) {
             return;
         }
         let is_long = match version {

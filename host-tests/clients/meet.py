@@ -161,10 +161,8 @@ def meet_mavproxy(check, relay, folder):
     check.that(proxy.saw("Received .* parameters"), "MAVProxy has the parameters", proxy.output)
     proxy.say("param show PC_*")
     check.that(proxy.saw(r"PC_VARIANT"), "MAVProxy shows a parameter", proxy.output)
-    proxy.say("version")
-    time.sleep(2)
     proxy.say("ping")
-    check.that(proxy.saw("ping response|Ping|ping"), "MAVProxy's ping is answered", proxy.output)
+    check.that(proxy.saw("ping response: "), "MAVProxy's ping is answered", proxy.output)
     proxy.say("log list")
     check.that(proxy.saw(r"Log 1"), "MAVProxy lists the log", proxy.output)
     proxy.say("log download 1 mavproxy.csv")
@@ -205,9 +203,8 @@ async def meet_mavsdk(check, port, folder):
         entries = await asyncio.wait_for(system.log_files.get_entries(), 20)
         check.that(len(entries) == 1, "MAVSDK lists the log", entries)
         path = folder / "mavsdk.csv"
-        async for progress in system.log_files.download_log_file(entries[0], str(path)):
-            last = progress.progress
-        check.that(last >= 1.0, "MAVSDK has the log", last)
+        async for _ in system.log_files.download_log_file(entries[0], str(path)):
+            pass
         return system, path
     except LogFilesError as error:
         check.that(False, "MAVSDK has the log", error)
@@ -256,6 +253,8 @@ async def main():
             lines = file.read_bytes().split(b"\r\n") if file and file.exists() else []
             is_whole = len(lines) == 202 and lines[0].startswith(b"sequence,")
             check.that(is_whole, f"{who}'s log is whole", len(lines))
+        versions = [relay.answered["AUTOPILOT_VERSION"] for relay in relays]
+        check.that(all(versions), "both have the version", versions)
         for who, relay in [("MAVProxy", relays[0]), ("MAVSDK", relays[1])]:
             repeated = await loop.run_in_executor(None, relay.repeated)
             check.that(not repeated, f"{who} repeats nothing for ever", repeated)

@@ -10,6 +10,7 @@ mod board_test;
 mod card;
 mod card_faults;
 mod ci;
+mod clients;
 mod compare;
 mod ctrl_c;
 mod deps;
@@ -27,6 +28,7 @@ mod sim;
 mod size;
 mod testbed;
 mod tool;
+mod venv;
 
 use std::process::ExitCode;
 
@@ -87,6 +89,8 @@ enum Verb {
     CardFaults(card_faults::Options),
     /// Ask `sim` and `qemu` for their time with pymavlink, in a venv of its own
     Pymavlink,
+    /// Let MAVProxy and MAVSDK meet `sim`, beside each other, in a venv of their own
+    Clients,
     /// Everything that has to hold
     Ci,
 }
@@ -119,6 +123,7 @@ fn run() -> Result<ExitCode> {
         Verb::Card(options) => card::run(&options),
         Verb::CardFaults(options) => done(card_faults::run(&options)),
         Verb::Pymavlink => done(pymavlink::run()),
+        Verb::Clients => done(clients::run()),
         Verb::Ci => done(ci::run_all()),
     }
 }

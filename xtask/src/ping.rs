@@ -77,6 +77,10 @@ pub fn run(options: &Options) -> Result<ExitCode> {
     } else {
         round.print_summary();
     }
+    for node in &mut round.nodes {
+        // A line that is gone has been told.
+        let _ = node.look_around();
+    }
     let mut code = ExitCode::SUCCESS;
     for node in round.nodes.iter().filter(|node| node.answers.is_empty()) {
         eprintln!("{}", node.why_none());

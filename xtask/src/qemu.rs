@@ -286,7 +286,7 @@ fn recording(options: &console::Options) -> Result<Option<Recording>> {
     let Some(path) = &options.ubx else {
         return Ok(None);
     };
-    let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let bytes = console::read_recording(path)?;
     let recording = Recording::new(&bytes).with_context(|| format!("in {}", path.display()))?;
     Ok(Some(recording))
 }

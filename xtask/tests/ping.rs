@@ -1,7 +1,7 @@
 //! `cargo xtask ping` as a person calls it, against a node on a TCP port.
 
 use std::io::{Read, Write};
-use std::net::{TcpListener, UdpSocket};
+use std::net::{TcpListener, TcpStream, UdpSocket};
 use std::process::{Command, Output};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -116,6 +116,45 @@ fn says_when_there_is_no_answer() {
     let output = ping(&["tcp:127.0.0.1:1"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(text(&output.stderr).contains("no node at tcp:127.0.0.1:1"));
+}
+
+/// A line to `address` on which what comes back takes 60 ms more; its address.
+fn late(address: &str) -> String {
+    let address = address.trim_start_matches("tcp:").to_owned();
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let own = listener.local_addr().expect("its address");
+    thread::spawn(move || {
+        let (client, _) = listener.accept().expect("a client");
+        let node = TcpStream::connect(address).expect("the node");
+        let ways = [
+            (client.try_clone(), node.try_clone(), 0),
+            (Ok(node), Ok(client), 60),
+        ];
+        let ways = ways.map(|(from, to, late_ms)| {
+            let (mut from, mut to) = (from.expect("a socket"), to.expect("a socket"));
+            thread::spawn(move || {
+                let mut bytes = [0; 1_024];
+                while let Ok(count @ 1..) = from.read(&mut bytes) {
+                    thread::sleep(Duration::from_millis(late_ms));
+                    if to.write_all(&bytes[..count]).is_err() {
+                        break;
+                    }
+                }
+            })
+        });
+        // One way ends with the other.
+        ways.map(|way| drop(way.join()));
+    });
+    format!("tcp:{own}")
+}
+
+#[test]
+fn an_answer_that_comes_too_late_is_told_from_none() {
+    let address = late(&node(Clock::HostPlus(0)));
+    let output = ping(&[&address, "--count", "1", "--timeout", "1"]);
+    assert_eq!(output.status.code(), Some(1));
+    let errors = text(&output.stderr);
+    assert!(errors.contains("takes longer than --timeout"), "{errors}");
 }
 
 #[test]

@@ -7,6 +7,8 @@
 //!
 //! *Limits.* Only what the file holds can be written, not what the firmware makes at its start.
 
+use std::path::Path;
+
 use anyhow::{Context as _, ensure};
 use object::{Object as _, ObjectSection as _, ObjectSymbol as _};
 
@@ -46,6 +48,21 @@ pub fn with_word(elf: &[u8], word: Word, value: u32) -> anyhow::Result<Vec<u8>> 
         .with_context(|| format!("the image has no word {name}"))?;
     ensure!(place.size() == 4, "{name} is no word");
     patched(elf, place.address(), &value.to_le_bytes())
+}
+
+/// The bytes of the recording at `path`.
+///
+/// # Errors
+///
+/// When it cannot be read, or is none to read as a whole: a pipe or a device may have no end.
+pub fn read_recording(path: &Path) -> anyhow::Result<Vec<u8>> {
+    let name = path.display();
+    let facts = std::fs::metadata(path).with_context(|| format!("cannot read {name}"))?;
+    ensure!(
+        facts.is_file(),
+        "{name} is no file of bytes: a recording has an end"
+    );
+    std::fs::read(path).with_context(|| format!("cannot read {name}"))
 }
 
 /// GPS less UTC since 2017. [s]
@@ -91,4 +108,17 @@ pub fn patched(elf: &[u8], address: u64, bytes: &[u8]) -> anyhow::Result<Vec<u8>
     let old = elf.get_mut(start..start + bytes.len());
     old.context("the file is cut off")?.copy_from_slice(bytes);
     Ok(elf)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_has_no_end_is_refused_at_once() {
+        for path in ["/dev/zero", "/", "/nowhere.ubx"] {
+            let error = read_recording(Path::new(path)).unwrap_err();
+            assert!(error.to_string().contains(path), "{error}");
+        }
+    }
 }

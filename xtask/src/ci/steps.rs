@@ -248,8 +248,8 @@ fn same_files_again(place: &Path) -> Vec<Step> {
     steps
 }
 
-/// What takes as long as it takes, whatever the machine. The ports are apart, and pymavlink's own
-/// begin at 5790.
+/// What takes as long as it takes, whatever the machine. The ports are apart; pymavlink has 5790 and
+/// 5791, the clients 5792.
 fn in_real_time() -> Vec<Step> {
     let pulse = [
         "sim",
@@ -279,6 +279,7 @@ fn in_real_time() -> Vec<Step> {
         Step::xtask("qemu in one of the paper's variants", &paper),
         Step::xtask("ticks on qemu", &["qemu-ticks"]),
         Step::xtask("pymavlink", &["pymavlink"]),
+        Step::xtask("MAVProxy and MAVSDK", &["clients"]),
     ]
 }
 
@@ -318,7 +319,7 @@ mod tests {
 
     #[test]
     fn what_runs_side_by_side_has_ports_of_its_own() {
-        let mut ports = BTreeSet::from([5_790, 5_791]);
+        let mut ports = BTreeSet::from([5_790, 5_791, 5_792]);
         for step in in_real_time() {
             let words = words(&step);
             let Some(verb) = words
@@ -334,6 +335,6 @@ mod tests {
                 assert!(ports.insert(port), "{port} of {}", step.name);
             }
         }
-        assert_eq!(ports.len(), 8);
+        assert_eq!(ports.len(), 9);
     }
 }

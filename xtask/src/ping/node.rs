@@ -19,6 +19,9 @@ use super::answer::{Answer, Bytes, signed};
 use crate::ctrl_c;
 use crate::link::{Address, Link};
 
+/// A HEARTBEAT comes each second.
+const LOOK_AROUND: Duration = Duration::from_millis(1_200);
+
 /// How often the host's two clocks are compared before the best is taken.
 const COMPARISONS: usize = 8;
 
@@ -36,6 +39,8 @@ pub struct Node {
     pub missing: Vec<u32>,
     /// Who sends HEARTBEATs on its line.
     sends_heartbeats: Option<MavAddress>,
+    /// It has answered a request, in time or not.
+    has_answered: bool,
 }
 
 /// This host's UTC at an instant of its steady clock.
@@ -89,6 +94,7 @@ impl Node {
             answers: Vec::new(),
             missing: Vec::new(),
             sends_heartbeats: None,
+            has_answered: false,
         })
     }
 
@@ -146,6 +152,18 @@ impl Node {
         Ok(None)
     }
 
+    /// Where no answer came in time: hears for a while who is there at all.
+    ///
+    /// # Errors
+    ///
+    /// When the line is gone.
+    pub fn look_around(&mut self) -> Result<()> {
+        if self.answers.is_empty() && !self.missing.is_empty() {
+            self.wait(Instant::now() + LOOK_AROUND)?;
+        }
+        Ok(())
+    }
+
     /// Reads what comes until `until`, so that the node never waits for a full line.
     ///
     /// # Errors
@@ -183,6 +201,15 @@ impl Node {
             .iter()
             .filter_map(|&byte| self.client.push(StampedByte { stamp, byte }))
             .collect();
+        self.has_answered |= received.iter().any(|it| {
+            matches!(
+                it.message,
+                Message::Ping {
+                    target: GROUND_STATION,
+                    ..
+                }
+            )
+        });
         let mut heartbeats = received
             .iter()
             .filter(|it| it.message == Message::Heartbeat);
@@ -250,6 +277,9 @@ impl Node {
         let address = &self.address;
         match self.sends_heartbeats {
             _ if self.missing.is_empty() => format!("stopped before {address} could answer"),
+            _ if self.has_answered => format!(
+                "no answer from {address} in time: it answers, but takes longer than --timeout"
+            ),
             Some(MavAddress { system, component }) => format!(
                 "no answer from {address}: {system}/{component} sends HEARTBEATs there, but no \
                  answer to a PING"

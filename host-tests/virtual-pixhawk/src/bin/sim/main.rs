@@ -30,7 +30,7 @@ use setup::Setup;
 
 /// Virtual Pixhawks with simulated or replayed receivers, in real time.
 #[derive(Parser, Debug)]
-#[command(name = "sim")]
+#[command(name = "sim", bin_name = "cargo xtask sim")]
 struct Sim {
     #[command(flatten)]
     options: SimOptions,

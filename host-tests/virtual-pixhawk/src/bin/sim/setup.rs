@@ -34,7 +34,7 @@ impl<'a> Setup<'a> {
             "--image PATH is missing; `cargo xtask sim` builds the image and fills it in",
         )?;
         let recording = shared.ubx.as_deref().map(|path| {
-            let bytes = std::fs::read(path)?;
+            let bytes = console::read_recording(path)?;
             Ok::<_, anyhow::Error>(Recording::new(&bytes)?)
         });
         let recording = recording.transpose().context("--ubx")?;

@@ -32,7 +32,7 @@ static IS_STOPPED: AtomicBool = AtomicBool::new(false);
 
 /// The paper's experiment on virtual Pixhawks.
 #[derive(Parser, Debug)]
-#[command(name = "testbed")]
+#[command(name = "testbed", bin_name = "cargo xtask testbed")]
 struct Testbed {
     #[command(flatten)]
     options: Options,

@@ -1,0 +1,48 @@
+//! `clients`: MAVProxy and MAVSDK beside each other against `sim`.
+//!
+//! *Design.* A [venv](crate::venv) with the pinned releases; one board; the script of
+//! `host-tests/clients`, which lets both connect, read version and parameters, ping, and download a
+//! log, and watches that neither asks for anything again and again.
+//!
+//! *Limits.* What cannot be had here is SKIPPED, in CI too: these are programs of other people, for
+//! some machines only.
+
+use std::process::Command;
+
+use anyhow::{Context, Result};
+
+use crate::image;
+use crate::venv::{self, Board, PYMAVLINK};
+
+/// MAVProxy draws in a whole desktop unless its dependencies are named here.
+const PACKAGES: [&[&str]; 2] = [
+    &[PYMAVLINK, "pyserial", "defusedxml", "mavsdk==3.17.4"],
+    &["--no-deps", "MAVProxy==1.8.75"],
+];
+
+const PORT: &str = "5792";
+/// How long the board runs, in s: the script ends it earlier.
+const DURATION_S: &str = "240";
+
+/// Lets both meet a board.
+///
+/// # Errors
+///
+/// When one of them did not get what it wanted, or wants something for ever.
+pub fn run() -> Result<()> {
+    let python = match venv::with("clients-venv", "mavsdk, MAVProxy", &PACKAGES) {
+        Ok(python) => python,
+        Err(error) => {
+            println!("SKIPPED: MAVProxy and MAVSDK could not be installed: {error:#}");
+            return Ok(());
+        }
+    };
+    let board = Board::start("sim", PORT, DURATION_S)?;
+    let met = image::run(
+        Command::new(&python)
+            .arg(image::root().join("host-tests/clients/meet.py"))
+            .arg(PORT),
+    );
+    drop(board);
+    met.context("MAVProxy and MAVSDK")
+}

@@ -1,0 +1,78 @@
+//! Other people's Python programs, and a board for them to talk to.
+//!
+//! *Design.* A venv under `target/` with pinned releases, made at the first call and again when one of
+//! them is another. The board is a verb of our own, started on a port of its own.
+
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+
+use anyhow::Result;
+
+use crate::image;
+
+/// The release whose behaviour the node was built for.
+pub const PYMAVLINK: &str = "pymavlink==2.4.50";
+
+/// A Python that has these packages: each list is given to one call of pip. `module` is one of theirs.
+///
+/// # Errors
+///
+/// When there is no Python, or pip cannot have them.
+pub fn with(name: &str, module: &str, packages: &[&[&str]]) -> Result<PathBuf> {
+    let folder = image::target_dir()?.join(name);
+    let python = folder.join("bin").join("python");
+    let stamp = folder.join("packages");
+    let wanted = format!("{packages:?}");
+    let is_made = std::fs::read_to_string(&stamp).is_ok_and(|made| made == wanted)
+        && has_module(&python, module);
+    if !is_made {
+        image::run(Command::new("python3").args(["-m", "venv"]).arg(&folder))?;
+        for list in packages {
+            let mut pip = Command::new(&python);
+            image::run(pip.args(["-m", "pip", "install", "--quiet"]).args(*list))?;
+        }
+        std::fs::write(&stamp, wanted)?;
+    }
+    Ok(python)
+}
+
+fn has_module(python: &PathBuf, module: &str) -> bool {
+    Command::new(python)
+        .args(["-c", &format!("import {module}")])
+        .stderr(Stdio::null())
+        .status()
+        .is_ok_and(|status| status.success())
+}
+
+/// A board that is running for a script; it ends with this.
+pub struct Board(Child);
+
+impl Board {
+    /// Starts one board on `sim` or `qemu`.
+    ///
+    /// # Errors
+    ///
+    /// When it cannot be started.
+    pub fn start(emulator: &str, port: &str, duration_s: &str) -> Result<Self> {
+        let child = Command::new(std::env::current_exe()?)
+            .args([emulator, "--boards", "1", "--duration", duration_s])
+            .args(["--mavlink-port", port])
+            .stdout(Stdio::null())
+            .spawn()?;
+        Ok(Self(child))
+    }
+
+    /// Ends it as Ctrl-C does.
+    pub fn stop(&mut self) {
+        // It may have ended by itself; then there is nothing to stop.
+        let id = self.0.id().to_string();
+        let _ = Command::new("kill").args(["-INT", &id]).status();
+        let _ = self.0.wait();
+    }
+}
+
+impl Drop for Board {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}

@@ -143,7 +143,9 @@ fn late(address: &str) -> String {
             })
         });
         // One way ends with the other.
-        ways.map(|way| drop(way.join()));
+        for way in ways {
+            drop(way.join());
+        }
     });
     format!("tcp:{own}")
 }

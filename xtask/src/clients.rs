@@ -7,6 +7,7 @@
 //! *Limits.* What cannot be had here is SKIPPED, in CI too: these are programs of other people, for
 //! some machines only.
 
+use std::net::{Ipv4Addr, TcpListener};
 use std::process::Command;
 
 use anyhow::{Context, Result};
@@ -20,7 +21,7 @@ const PACKAGES: [&[&str]; 2] = [
     &["--no-deps", "MAVProxy==1.8.75"],
 ];
 
-const PORT: &str = "5792";
+const PORT: u16 = 5_792;
 /// How long the board runs, in s: the script ends it earlier.
 const DURATION_S: &str = "240";
 
@@ -37,12 +38,15 @@ pub fn run() -> Result<()> {
             return Ok(());
         }
     };
-    let board = Board::start("sim", PORT, DURATION_S)?;
+    let mut board = Board::start("sim", &PORT.to_string(), DURATION_S)?;
     let met = image::run(
         Command::new(&python)
             .arg(image::root().join("host-tests/clients/meet.py"))
-            .arg(PORT),
+            .arg(PORT.to_string()),
     );
-    drop(board);
+    board.stop();
+    // The signal went to the one process that was started.
+    TcpListener::bind((Ipv4Addr::LOCALHOST, PORT))
+        .context("sim was sent a signal, and its port is still taken")?;
     met.context("MAVProxy and MAVSDK")
 }

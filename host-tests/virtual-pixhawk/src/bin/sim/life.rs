@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 
 use console::{Ending, Event, Report, Sample, Status};
 use timebase::ClockState;
-use virtual_pixhawk::{ClockReading, Gaps, Pixhawk, Visits};
+use virtual_pixhawk::{ClockReading, Connector, Gaps, Pixhawk, Visits};
 use world::WorldNanos;
 
 /// How often a board is brought to the present.
@@ -71,6 +71,10 @@ impl Life {
                 self.report(reports)?;
                 if self.board.now() >= next_second {
                     seconds += 1;
+                    // The wires keep what the board has sent until it is taken: nobody asks here.
+                    for connector in [Connector::Gps, Connector::Telem1] {
+                        self.board.take_received(connector)?;
+                    }
                     let (at_s, sample) = (seconds, self.sample()?);
                     self.send(reports, Report::Sample { at_s, sample });
                 }

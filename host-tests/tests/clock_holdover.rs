@@ -78,9 +78,12 @@ fn the_uncertainty_covers_the_error_however_long_the_silence() {
         let samples = SEEDS.flat_map(|seed| {
             let mut run = run(seed, ramp, silent_s);
             run.until((LOST_S + silent_s) * SECOND);
-            // It never shrinks without a mark.
+            // It never shrinks without a mark; that of seconds is rounded.
             let silent: Vec<_> = run.since((LOST_S + 1) * SECOND).collect();
-            assert!(silent.is_sorted_by_key(|sample| sample.uncertainty_ns));
+            let known = silent
+                .iter()
+                .filter(|sample| sample.state != ClockState::Unproved);
+            assert!(known.is_sorted_by_key(|sample| sample.uncertainty_ns));
             silent
         });
         checks.covered(samples);

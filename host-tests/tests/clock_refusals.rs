@@ -10,7 +10,7 @@ use std::ops::Range;
 
 use board_model::{MS, Run, SECOND, Scenario, US, at_s, worst_ns};
 use host_tests::checks::{Checks, each_seed};
-use utc_clock::{Counters, Outcome, Refusal, UtcClock};
+use utc_clock::{ClockState, Counters, Outcome, Refusal, UtcClock};
 use world::{Latency, Stall, TimeFault, WorldNanos};
 
 const SEEDS: Range<u64> = 300..305;
@@ -23,6 +23,8 @@ const MAX_NS: i64 = MS;
 const P99_NS: i64 = 400 * US;
 /// What that makes of the frequency over half a window.
 const FREQUENCY_PPB: f64 = 16_000.0;
+/// A floor that has moved is known by the crystal of four minutes, to 16 ppm.
+const MOVED_NS: i64 = 240 * 16 * US;
 /// What a crystal within ±50 ppm can do: a receiver is believed to drift that fast.
 const BELIEVED_PPB: f64 = 50_000.0;
 /// The same in ten minutes, and floors that wander by 10 ms to either side: a receiver is
@@ -122,56 +124,69 @@ fn a_jump_that_is_over_in_less_than_a_second_is_refused() {
 }
 
 #[test]
-fn a_jump_that_stays_is_refused_until_five_marks_agree_and_then_a_counted_step() {
+fn a_jump_of_seconds_is_in_the_uncertainty_and_believed_when_it_has_stood_for_five_minutes() {
     let cases = [-18, -1, 1, 18].map(|jump_s| [(jump_s, "no pulse"), (jump_s, "pulse")]);
     each_seed(SEEDS, cases.concat(), |checks, seed, (jump_s, pulse)| {
         let is_pulse = pulse == "pulse";
         let jump_ns = jump_s * SECOND;
-        // For two minutes; then the receiver corrects itself.
-        let fault = TimeFault::jump(THEN, jump_ns).until(at_s(720));
         let (mut run, before) = run(seed, |scenario| {
-            scenario.receiver.time_faults.push(fault);
+            scenario
+                .receiver
+                .time_faults
+                .push(TimeFault::jump(THEN, jump_ns));
             if is_pulse {
                 *scenario = scenario.clone().with_pulse();
             }
         });
         let error_ns = run.board.error_ns();
-        // The pulse keeps the phase over a step; the messages' estimate begins anew.
-        let (near_ns, settled_ns) = if is_pulse {
-            (US, US)
-        } else {
-            (10 * MS, MAX_NS)
-        };
-
-        run.until(THEN_S * SECOND + 700 * MS);
+        run.until((THEN_S + 295) * SECOND);
         let refusing = run.board.clock.counters();
-        checks.equal("steps at once", steps(&refusing), steps(&before));
-        checks.at_least("outliers", refusing.outlier, before.outlier + 2);
+        checks.equal("steps at first", steps(&refusing), steps(&before));
         let moved = (run.board.error_ns() - error_ns).abs();
-        checks.at_most("moved before the step, ns", moved, P99_NS);
-        run.until((THEN_S + 2) * SECOND);
-        check_step(checks, &run, THEN_S, jump_ns, near_ns);
-        let frequency_ppb = run.frequency_until_ppb(THEN_S + 110);
-        let off_ns = (run.board.error_ns() - error_ns - jump_ns).abs();
-        checks.at_most("off the jump, ns", off_ns, settled_ns);
-        checks.at_most("frequency error, ppb", frequency_ppb, FREQUENCY_PPB);
+        // The crystal alone for five minutes, of a frequency that is known to 16 ppm.
+        let most_ns = if is_pulse { US } else { 300 * 16 * US };
+        checks.at_most("moved before a step, ns", moved, most_ns);
+        // From the third mark on it says so, and holds both numbers.
+        let reading = run.board.read();
+        checks.equal("state", reading.state, ClockState::Unproved);
+        let both_ns = jump_ns.unsigned_abs();
+        checks.at_least("uncertainty, ns", reading.uncertainty_ns, both_ns);
+        run.until((THEN_S + 420) * SECOND);
+        if is_pulse {
+            // A pulse supports its phase, not its number: neither wins.
+            checks.equal("steps", steps(&run.board.clock.counters()), steps(&before));
+            checks.equal("state", run.board.read().state, ClockState::Unproved);
+        } else {
+            check_step(checks, &run, THEN_S, jump_ns, 10 * MS);
+            checks.equal("state", run.board.read().state, ClockState::Set);
+            let off_ns = (run.board.error_ns() - error_ns - jump_ns).abs();
+            checks.at_most("off the jump, ns", off_ns, MAX_NS);
+        }
+    });
+}
 
-        run.until(722 * SECOND);
-        check_step(checks, &run, 720, -jump_ns, near_ns);
-        let frequency_ppb = run.frequency_until_ppb(900);
-        let worst = if is_pulse {
+#[test]
+fn a_jump_of_seconds_that_is_over_leaves_nothing() {
+    let cases = [-18, -1, 1, 18].map(|jump_s| [(jump_s, "no pulse"), (jump_s, "pulse")]);
+    each_seed(SEEDS, cases.concat(), |checks, seed, (jump_s, pulse)| {
+        let fault = TimeFault::jump(THEN, jump_s * SECOND).until(at_s(720));
+        let (mut run, before) = run(seed, |scenario| {
+            scenario.receiver.time_faults.push(fault);
+            if pulse == "pulse" {
+                *scenario = scenario.clone().with_pulse();
+            }
+        });
+        run.until(900 * SECOND);
+        checks.equal("steps", steps(&run.board.clock.counters()), steps(&before));
+        let reading = run.board.read();
+        checks.equal("state", reading.state, ClockState::Set);
+        let worst = if pulse == "pulse" {
             worst_ns(run.utc_since(840 * SECOND))
         } else {
             worst_ns(run.since(840 * SECOND))
         };
+        let settled_ns = if pulse == "pulse" { US } else { MAX_NS };
         checks.at_most("error in the end, ns", worst, settled_ns);
-        checks.at_most(
-            "frequency error in the end, ppb",
-            frequency_ppb,
-            FREQUENCY_PPB,
-        );
-        let expected = (before.steps_forward + 1, before.steps_back + 1);
-        checks.equal("steps", steps(&run.board.clock.counters()), expected);
     });
 }
 
@@ -192,10 +207,15 @@ fn a_jump_of_a_fraction_of_a_second_never_moves_it_faster_than_a_slew() {
         let end_s = THEN_S + slewing_s + 600;
         let frequency_ppb = run.frequency_until_ppb(end_s);
         run.pass_s(60);
+        // What comes later than before has another latency now; what comes earlier is nearer to the
+        // truth than anything was.
+        let followed_ns = jump_ns.max(0);
         let since = run.since(end_s * SECOND);
-        let off_ns = since.map(|sample| (sample.error_ns - jump_ns).abs()).max();
+        let off_ns = since
+            .map(|sample| (sample.error_ns - followed_ns).abs())
+            .max();
         let off_ns = off_ns.unwrap_or(i64::MAX);
-        checks.at_most("off the receiver in the end, ns", off_ns, MAX_NS);
+        checks.at_most("off in the end, ns", off_ns, MOVED_NS);
         // No crystal has the slope from the old to the new floor.
         checks.at_most("frequency error, ppb", frequency_ppb, 100_000.0);
         let forward = run.board.clock.counters().steps_forward;
@@ -216,7 +236,7 @@ fn a_jump_of_a_fraction_of_a_second_never_moves_it_faster_than_a_slew() {
 }
 
 /// Demands that a receiver which drifted by `ppm` for ten minutes was followed no farther than a
-/// crystal can go, and without a step.
+/// crystal can go, and without a step back.
 fn check_drift(
     checks: &mut Checks,
     ppm: i32,
@@ -229,7 +249,7 @@ fn check_drift(
     checks.at_most("error, ns", worst_ns, limit_ns);
     let limit_ppb = (f64::from(ppm) * 1e3 + FREQUENCY_PPB).min(BELIEVED_PPB);
     checks.at_most("frequency error, ppb", frequency_ppb, limit_ppb);
-    checks.equal("steps", steps(&after), steps(&before));
+    checks.equal("steps back", after.steps_back, before.steps_back);
 }
 
 #[test]
@@ -251,7 +271,14 @@ fn a_receiver_that_drifts_away_is_followed_no_farther_than_a_crystal_goes() {
         // It comes back, and is believed again.
         run.until(1_800 * SECOND);
         let end = worst_ns(run.since(1_790 * SECOND));
-        checks.at_most("error in the end, ns", end, MAX_NS);
+        // On its way back it is late, for good: that is another latency.
+        let ahead_ns = match (sign, ppm) {
+            (1, ..=100) => i64::from(ppm) * 600 * US,
+            // Away from the line of the whole lock by no more than floors wander.
+            (1, _) => 20 * MS,
+            _ => 0,
+        };
+        checks.at_most("error in the end, ns", end, ahead_ns + MOVED_NS);
     });
 }
 
@@ -269,11 +296,12 @@ fn a_receiver_that_drifts_away_with_its_pulse_is_followed_no_farther_either() {
         check_drift(checks, ppm, worst, frequency_ppb, [before, after]);
         // A jump of the pulse's frequency beyond what a crystal does in a second.
         if ppm >= 10 {
-            let refused = after.pulse_off_line - before.pulse_off_line;
-            checks.at_least("pulses refused", refused, 1);
+            let followed = after.pulses - before.pulses;
+            checks.at_most("pulses followed", followed, 600 - 60);
         }
         if ppm >= 100 {
-            checks.at_least("marks refused", after.drift - before.drift, 1);
+            // The first one is where it would be without a drift.
+            checks.at_most("pulses followed", after.pulses, before.pulses + 1);
         }
     });
 }

@@ -5,8 +5,8 @@
 //! The receiver is more even than any real one, so that every ns is accounted for; those with
 //! jitter are in `clock_following`, `clock_refusals`, `clock_holdover` and `clock_pulse`.
 
-use board_model::{Board, MS, SECOND, START, good_mark};
-use timebase::{CivilTime, Cycles, TimeMark};
+use board_model::{Board, MS, SECOND, START, good_mark, leap_seconds};
+use timebase::{CivilTime, Cycles, LeapEvent, LeapSeconds, TimeMark};
 use utc_clock::{CalendarError, ClockState, Counters, Outcome, Refusal, Settings, UtcNanos};
 
 const PERIOD: i64 = 200 * MS;
@@ -55,14 +55,22 @@ fn it_reads_the_time_since_boot_until_the_first_good_mark_sets_it() {
     let outcome = board.handle_arrival(epoch(125), 25 * SECOND + FLOOR);
     assert_eq!(outcome, Outcome::Set);
     board.pass_lead();
-    let set = board.read();
-    assert_eq!(set.state, ClockState::Set);
-    assert!(set.leap_seconds_known);
+    let first = board.read();
+    // A mark alone does not say which second it is: all leap seconds there were are between.
+    assert_eq!(first.state, ClockState::Unproved);
+    assert!(first.uncertainty_ns > 18 * SECOND.unsigned_abs());
+    assert!(first.leap_seconds_known);
     // The latency is not known: the clock is late by it, and its uncertainty covers that.
     assert!((board.error_ns() + FLOOR).abs() <= 10);
-    assert!(set.uncertainty_ns.cast_signed() >= FLOOR);
+    for number in 126..131 {
+        board.handle_arrival(epoch(number), number * PERIOD + FLOOR);
+    }
+    board.pass_lead();
+    let set = board.read();
+    assert_eq!(set.state, ClockState::Set);
+    assert!((FLOOR..SECOND).contains(&set.uncertainty_ns.cast_signed()));
     let expected = Counters {
-        accepted: 1,
+        accepted: 6,
         sets: 1,
         ..Counters::default()
     };
@@ -87,9 +95,9 @@ fn a_known_latency_is_taken_off() {
     assert!((10_000_000..11_000_000).contains(&board.read().uncertainty_ns));
 }
 
-#[test]
-fn a_leap_second_is_refused_and_then_stepped_over_with_a_report() {
-    // 2026-12-31 has none, but the receiver sends one.
+/// Marks at 5 Hz from 10 s before a leap second to 30 s after it, as a receiver sends them, and what
+/// each did; `announce` is done with the first.
+fn over_a_leap_second(board: &mut Board, announce: impl FnOnce(&mut Board)) -> Vec<(i64, Outcome)> {
     let midnight = UtcNanos::from_civil(&CivilTime {
         year: 2027,
         month: 1,
@@ -100,30 +108,63 @@ fn a_leap_second_is_refused_and_then_stepped_over_with_a_report() {
         nano: 0,
     })
     .unwrap();
-    let mut board = Board::new(Settings::DEFAULT, 0.0);
-    let mut outcomes = Vec::new();
-    // From 2 s before the leap second to 4 s after it.
-    for number in 0..35_i64 {
-        let since = (number - 10) * PERIOD;
+    announce(board);
+    let marks = (0..200_i64).map(|number| {
+        let since = number * PERIOD - 10 * SECOND;
         let mut received: TimeMark = mark(UtcNanos(midnight.0 + since));
         if (0..SECOND).contains(&since) {
             received.epoch = leap_second(i32::try_from(since).unwrap());
         } else if since >= SECOND {
             received = mark(UtcNanos(midnight.0 + since - SECOND));
         }
-        outcomes.push(board.handle_mark_at(received, number * PERIOD + FLOOR));
+        let outcome = board.handle_mark_at(received, number * PERIOD + FLOOR);
+        (since, outcome)
+    });
+    marks.collect()
+}
+
+#[test]
+fn a_leap_second_that_was_announced_is_stepped_over_when_it_is_over() {
+    // Receivers differ by a second in how far away it is.
+    for in_s in [9, 10, 11] {
+        let mut board = Board::new(Settings::DEFAULT, 0.0);
+        let outcomes = over_a_leap_second(&mut board, |board| {
+            let told = LeapSeconds {
+                event: Some(LeapEvent { change: 1, in_s }),
+                ..leap_seconds(Cycles::BOOT)
+            };
+            board.clock.handle_leap_seconds(&told, Cycles::BOOT);
+        });
+        for (since, outcome) in &outcomes[1..] {
+            let expected = match since {
+                0..SECOND => matches!(outcome, Outcome::Refused(Refusal::LeapSecond)),
+                _ => matches!(outcome, Outcome::Slewed { error_ns } if error_ns.abs() < 1_000),
+            };
+            assert!(expected, "{since} ns, told {in_s} s: {outcome:?}");
+        }
+        assert_eq!(board.clock.counters().steps_back, 1);
+        assert_eq!(board.read().state, ClockState::Set);
     }
-    assert_eq!(outcomes[0], Outcome::Set);
-    for (i, outcome) in outcomes.iter().enumerate().skip(1) {
-        let expected = match i {
-            10..15 => matches!(outcome, Outcome::Refused(Refusal::LeapSecond)),
-            15..19 => matches!(outcome, Outcome::Refused(Refusal::Outlier)),
-            19 => matches!(outcome, Outcome::Stepped { by_ns } if (by_ns + SECOND).abs() < 1_000),
-            _ => matches!(outcome, Outcome::Slewed { error_ns } if error_ns.abs() < 1_000),
-        };
-        assert!(expected, "{i}: {outcome:?}");
+}
+
+#[test]
+fn one_that_was_not_is_a_second_in_doubt_and_no_step() {
+    // 2026-12-31 has none, but the receiver sends one.
+    let mut board = Board::new(Settings::DEFAULT, 0.0);
+    let outcomes = over_a_leap_second(&mut board, |_| ());
+    for (since, outcome) in &outcomes {
+        if *since >= SECOND {
+            assert_eq!(*outcome, Outcome::Refused(Refusal::Outlier), "{since} ns");
+        }
     }
-    assert_eq!(board.clock.counters().steps_back, 1);
+    let counters = board.clock.counters();
+    assert_eq!((counters.steps_forward, counters.steps_back), (0, 0));
+    let reading = board.read();
+    assert_eq!(reading.state, ClockState::Unproved);
+    assert!(reading.uncertainty_ns > SECOND.unsigned_abs());
+    // NAV-TIMELS is asked about it.
+    let now = board.cycles(board.now_ns);
+    assert!(board.clock.poll_leap_seconds(now));
 }
 
 #[test]

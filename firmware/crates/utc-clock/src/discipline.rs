@@ -34,6 +34,10 @@ const PROMPT_US: u32 = 20_000;
 /// One that waited longer than this does not even number a pulse. [µs]
 const NUMBERS_US: u32 = 300_000;
 
+/// Where every mark has, and nothing better is known, it may have waited for so long and still name
+/// its second. [µs]
+const SETS_US: u32 = 450_000;
+
 /// Where every mark has waited for so long, those that waited least are heard. [cycles] 10 s
 const ALL_WAITED: u64 = 10 * CORE_HZ as u64;
 
@@ -282,15 +286,15 @@ impl Discipline {
         if t_acc_ns > PROOF_T_ACC_NS {
             self.trains.distrust();
         }
-        if busy_us > NUMBERS_US {
+        let teaches = self
+            .waits
+            .may_teach(heard, busy_us, self.message_uncertainty_ns());
+        if busy_us > NUMBERS_US && !(teaches && busy_us <= SETS_US) {
             return Err(Refusal::Waited);
         }
         let local_ns = heard.at.as_nanos();
         let moved = self.judge_second(heard, epoch, local_ns, busy_us)?;
-        if !self
-            .waits
-            .may_teach(heard, busy_us, self.message_uncertainty_ns())
-        {
+        if !teaches {
             return moved.map_or(Err(Refusal::Waited), |by_ns| {
                 Ok(Correction::Renumber(by_ns))
             });
@@ -368,27 +372,28 @@ impl Discipline {
         let heard_floor = self
             .envelope
             .update(heard.at.as_micros(), lateness_ns, is_better_known);
-        let (floor, moved_ns) = match heard_floor {
-            EnvelopeVerdict::Estimate(floor) => (floor, None),
-            EnvelopeVerdict::Moved(floor, by_ns) => (floor, Some(by_ns)),
+        let (floor, has_moved) = match heard_floor {
+            EnvelopeVerdict::Estimate(floor) => (floor, false),
+            EnvelopeVerdict::Moved(floor) => (floor, true),
             EnvelopeVerdict::Late => return Err(Refusal::Late),
             EnvelopeVerdict::Early => return Err(Refusal::Early),
         };
         let floor_ns = epoch_ns.saturating_add(i64::from(floor.excess_ns));
-        if moved_ns.is_some() {
+        if has_moved {
             self.drift_guard = DriftGuard::new();
+            self.is_adrift = false;
         } else if !self.is_followed_by_crystal(local_ns, floor_ns, &floor, heard, is_better_known) {
             return Err(Refusal::Drift);
         }
         match pulse {
             Some((pulse_ns, _)) if is_better_known => {
-                self.learn_latency(pulse_ns.saturating_sub(floor_ns), moved_ns.is_some());
+                self.learn_latency(pulse_ns.saturating_sub(floor_ns), has_moved);
             }
-            _ => {
-                if let Some(by_ns) = moved_ns {
-                    self.move_latency(by_ns, &floor);
-                }
+            _ if has_moved => {
+                let told_ns = heard.published.0.saturating_add(self.shift_ns);
+                self.move_latency(told_ns.saturating_sub(floor_ns), &floor);
             }
+            _ => {}
         }
         let uncertainty_ns = floor.uncertainty_ns.min(MOST_JITTER_NS)
             + t_acc_ns as f32
@@ -459,10 +464,9 @@ impl Discipline {
         self.latency_uncertainty_ns = LEARNT_UNCERTAINTY_NS;
     }
 
-    /// The floor has moved by so much, later is more, and nothing but the crystal knows better: it
-    /// is the latency that has changed.
-    fn move_latency(&mut self, by_ns: i32, floor: &EnvelopeEstimate) {
-        let latency_ns = self.latency_ns.saturating_add(by_ns.into());
+    /// The floor has moved, and nothing but the crystal knows better: it is the latency that has
+    /// changed, to this by the clock.
+    fn move_latency(&mut self, latency_ns: i64, floor: &EnvelopeEstimate) {
         self.latency_ns = if self.is_latency_learnt {
             self.latency_uncertainty_ns = self
                 .latency_uncertainty_ns

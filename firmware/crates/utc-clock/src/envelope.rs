@@ -155,9 +155,8 @@ pub enum EnvelopeVerdict {
     Late,
     /// It is earlier than any floor wanders, and not (yet) confirmed: left alone.
     Early,
-    /// It confirms that the floor has moved by so much, later is more: everything but the
-    /// frequency begins anew. [ns]
-    Moved(EnvelopeEstimate, i32),
+    /// It confirms that the floor has moved: everything but the frequency begins anew.
+    Moved(EnvelopeEstimate),
 }
 
 /// From `earlier_us` to `later_us`, µs since boot, in s; an hour at most.
@@ -369,7 +368,7 @@ impl Envelope {
         };
         self.begin(at_us, floor);
         self.is_unsettled = false;
-        Some(EnvelopeVerdict::Moved(self.floor(point), by_ns))
+        Some(EnvelopeVerdict::Moved(self.floor(point)))
     }
 
     /// Takes back a frequency that was learnt from a receiver that is not believed.

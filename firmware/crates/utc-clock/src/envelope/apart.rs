@@ -6,11 +6,13 @@
 //! *Design.* Marks on one side of the line, all of them or, where they are early, without a
 //! pause. After long enough the floor is where the lowest of the second half of that time are, if
 //! it stands: those are not farther away than the lowest of the first half. Otherwise it is looked
-//! at for as long again, and if it does not stand then, the frequency was learnt wrong.
+//! at for as long again, and a frequency that was learnt wrong is an explanation then, too: one that
+//! goes away faster than crystals differ is nobody's floor.
 //!
 //! *Limits.* A floor that moves by less than marks may be from the line is the line's.
 
 use super::elapsed_s;
+use crate::holdover::CRYSTAL_PPB;
 
 /// A floor that has moved stands: over half of the time its lowest marks go away by no more. [ns]
 const STANDS_NS: i32 = 2_000_000;
@@ -90,13 +92,19 @@ impl Apart {
         if lasts_s < after_s {
             return Standing::Unmoved;
         }
-        let stands_ns = STANDS_NS.saturating_add((off_ppb * half_s) as i32);
+        // What is learnt of the frequency may be wrong, by as much as two crystals differ.
+        let drift_ppb = if self.again {
+            2.0 * CRYSTAL_PPB
+        } else {
+            off_ppb
+        };
+        let stands_ns = STANDS_NS.saturating_add((drift_ppb * half_s) as i32);
         let away_ns = if self.second_ns < 0 {
             self.first_ns.saturating_sub(self.second_ns)
         } else {
             self.second_ns.saturating_sub(self.first_ns)
         };
-        if away_ns > stands_ns && !self.again {
+        if away_ns > stands_ns {
             *self = Self {
                 again: true,
                 ..Self::new(at_us, excess_ns)
@@ -147,14 +155,28 @@ mod tests {
     }
 
     #[test]
-    fn one_that_goes_farther_away_is_not_believed_before_it_stands() {
-        for ppm in [-300_i32, 300] {
+    fn one_that_goes_away_faster_than_crystals_differ_is_not_believed() {
+        for ppm in [-500_i32, 500] {
+            let mut apart = Apart::new(0, ppm.signum() * 20 * MS);
+            let at = |s: u64| ppm.signum() * 20 * MS + ppm * 1_000 * s as i32;
+            assert_eq!(push(&mut apart, 0, 500, at), Standing::Unmoved);
+        }
+    }
+
+    #[test]
+    fn one_that_goes_farther_away_says_that_the_frequency_is_wrong() {
+        for ppm in [-150_i32, 150] {
             let mut apart = Apart::new(0, ppm.signum() * 20 * MS);
             let at = |s: u64| ppm.signum() * 20 * MS + ppm * 1_000 * s.min(160) as i32;
             assert_eq!(push(&mut apart, 0, 160, at), Standing::Unmoved);
             assert!(apart.is_moving());
+            // The lowest of the second half are its first ones, or its last.
+            let lowest_ns = if ppm > 0 { at(120) } else { at(160) };
             let standing = push(&mut apart, 160, 200, at);
-            assert_eq!(standing, Standing::Drifted(at(160)));
+            let Standing::Drifted(by_ns) = standing else {
+                panic!("{standing:?}");
+            };
+            assert!((by_ns - lowest_ns).abs() <= 2 * MS, "{by_ns}");
         }
     }
 }

@@ -140,7 +140,7 @@ fn a_stored_frequency_that_is_wrong_is_unlearnt() {
         let mut scenario = Scenario::new(Latency::m8(), seed);
         scenario.settings = stored(&scenario, wrong_ppb);
         let mut run = scenario.start();
-        // A frequency that is said to be known moves by 3.6 ppm a minute at most.
+        // A frequency that is said to be known moves by 4.8 ppm a minute at most.
         run.until(420 * SECOND);
         // On the way no worse than what 20 ppm make of the longest window, 120 s.
         let worst = worst_ns(run.since(10 * SECOND));

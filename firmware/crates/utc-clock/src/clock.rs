@@ -498,6 +498,9 @@ impl<'a> UtcClock<'a> {
         self.discipline.second_mut().tie_event(now, utc);
         let second = self.discipline.second();
         let news = (second.uncertainty_ns(), second.is_proved());
+        if news.0 > self.second.0 && second.is_contradicted() {
+            bump(&mut self.counters.contradictions);
+        }
         if news != self.second && self.state != ClockState::Unset && !self.is_crowded(now) {
             let line = self.line_from(now);
             self.steer(&line, now);

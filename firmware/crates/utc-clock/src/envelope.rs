@@ -124,8 +124,8 @@ const TWO_HALVES: f32 = 2.0 * core::f32::consts::SQRT_2;
 const BEYOND_WANDER_NS: f32 = 20e6;
 /// For so long the frequency is young: it may move as far as its doubt allows.
 const YOUNG_S: f32 = 120.0;
-/// Afterwards by so much a bin at most: 3.6 ppm a minute where a crystal drifts by 1. [ppb]
-const MOST_STEP_PPB: f32 = 120.0;
+/// Afterwards by so much a bin at most: 4.8 ppm a minute where a crystal drifts by 1. [ppb]
+const MOST_STEP_PPB: f32 = 160.0;
 /// Or by so much of its standard deviation, where jitter leaves it that wide.
 const MOST_STEP_SIGMAS: f32 = 0.25;
 

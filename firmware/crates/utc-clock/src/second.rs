@@ -168,7 +168,8 @@ impl Second {
         }
     }
 
-    fn is_contradicted(&self) -> bool {
+    /// Whether marks name another second than the clock.
+    pub(crate) fn is_contradicted(&self) -> bool {
         self.contradiction
             .is_some_and(|contradiction| contradiction.marks >= CONTRADICTING)
     }

@@ -122,10 +122,10 @@ fn before_the_clock_is_set_answers_are_the_time_since_boot() {
     let answers = ping_answers(&board.take_received(Connector::Telem1).unwrap());
     assert_eq!(answers.len(), 2);
     for (seq, time_usec) in answers {
-        // It boots in less than a ms.
+        // It boots in less than a ms, and holds TIM5 against SysTick for one more.
         let since_power_us = arrival(asked_at[seq as usize]).0 / 1_000;
         assert!(
-            (0..1_000).contains(&(since_power_us - time_usec)),
+            (0..2_000).contains(&(since_power_us - time_usec)),
             "{time_usec}"
         );
     }

@@ -33,9 +33,7 @@ pub async fn run(line: (Reader, Writer), pulse: Pulse) {
         gnss.handle_pulses();
         gnss.configure(now);
         gnss.clock.handle_timeout(now);
-        // As it is on the newest course.
-        let state = CLOCK.reading_at(gnss.clock.course_begins().max(now)).state;
-        gnss.news.note(&gnss.clock, state);
+        gnss.note_news(now);
         if now >= report_due {
             report_due = now.plus(REPORT_EVERY);
             GNSS.set(gnss.report());
@@ -54,6 +52,8 @@ struct Gnss {
     /// The last edge of the pulse's wire.
     edge: Option<Cycles>,
     news: ClockNews,
+    /// The course that the news were noted of.
+    noted: Cycles,
 }
 
 impl Gnss {
@@ -74,6 +74,7 @@ impl Gnss {
             clock: UtcClock::new(settings, writer),
             edge: None,
             news: ClockNews::new(),
+            noted: Cycles::BOOT,
         }
     }
 
@@ -111,6 +112,16 @@ impl Gnss {
             if let PulseOutcome::Stepped { by_ns } = self.clock.handle_edge(&edge, time::now()) {
                 push_step(by_ns);
             }
+        }
+    }
+
+    /// Notes what is new about the clock, which shows with a new course only.
+    fn note_news(&mut self, now: Cycles) {
+        let course = self.clock.course_begins();
+        if course != self.noted {
+            self.noted = course;
+            let state = CLOCK.reading_at(course.max(now)).state;
+            self.news.note(&self.clock, state);
         }
     }
 

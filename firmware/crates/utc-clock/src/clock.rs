@@ -218,6 +218,9 @@ impl<'a> UtcClock<'a> {
     /// once when the second is contradicted. To be called at each wake-up;
     /// [`Self::poll_timeout`] does not wait for it.
     pub fn poll_leap_seconds(&mut self, now: Cycles) -> bool {
+        if !self.discipline.second().may_ask(now) {
+            return false;
+        }
         let utc = self.model.utc_at(now);
         self.discipline.second_mut().poll_ask(now, utc)
     }

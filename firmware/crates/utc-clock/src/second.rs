@@ -368,9 +368,15 @@ impl Second {
         Some(-i64::from(event.change))
     }
 
+    /// Whether NAV-TIMELS may be asked for now.
+    #[inline]
+    pub(crate) fn may_ask(&self, now: Cycles) -> bool {
+        now >= self.ask_at && now >= self.may_ask_at
+    }
+
     /// Whether NAV-TIMELS is to be asked for now; the next time is set.
     pub(crate) fn poll_ask(&mut self, now: Cycles, utc: UtcNanos) -> bool {
-        if now < self.ask_at || now < self.may_ask_at {
+        if !self.may_ask(now) {
             return false;
         }
         let is_event_near = self

@@ -61,8 +61,8 @@ pub(crate) enum Header {
     Unfinished,
     /// Not a UBX header: the second sync byte is missing.
     LoneSync,
-    /// A UBX header of another class or id.
-    OtherMessage,
+    /// A UBX header of another message: its class and, in the upper half, its id.
+    OtherMessage(u16),
     /// One of ours by class and id, but not by length.
     FalseLength,
 }
@@ -96,7 +96,7 @@ impl Header {
             {
                 Self::FalseLength
             }
-            _ => Self::OtherMessage,
+            word => Self::OtherMessage((word & MESSAGE) as u16),
         }
     }
 }
@@ -118,8 +118,8 @@ mod tests {
         assert_eq!(at(b"\x62\x01\x07\x5c\x01"), Header::FalseLength);
         assert_eq!(at(b"\x62\x05\x00\x5c\x00"), Header::FalseLength);
         assert_eq!(at(b"\x62\x0d\x01\x10\x10"), Header::FalseLength);
-        assert_eq!(at(b"\x62\x05\x02\x02\x00"), Header::OtherMessage);
-        assert_eq!(at(b"\x62\x07\x01\x5c\x00"), Header::OtherMessage);
+        assert_eq!(at(b"\x62\x05\x02\x02\x00"), Header::OtherMessage(0x0205));
+        assert_eq!(at(b"\x62\x07\x01\x5c\x00"), Header::OtherMessage(0x0107));
         assert_eq!(at(b"\xb5\x01\x07\x5c\x00"), Header::LoneSync);
     }
 

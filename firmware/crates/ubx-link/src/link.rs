@@ -83,8 +83,10 @@ pub struct Link {
 #[derive(Clone, Debug)]
 struct Heard {
     counters: LinkCounters,
-    /// The last message that we do not use, until it is asked for.
-    unwanted: Option<Unwanted>,
+    /// Class and id of the last message that we do not use, until it is asked for; 0 is none.
+    other_message: u16,
+    /// A sentence of NMEA was met, until it is asked for.
+    has_nmea: bool,
 }
 
 impl Default for Link {
@@ -118,7 +120,8 @@ impl Link {
             candidate: None,
             wanted: SHORTEST,
             heard: Heard {
-                unwanted: None,
+                other_message: 0,
+                has_nmea: false,
                 counters: LinkCounters {
                     nav_pvts: 0,
                     tim_tps: 0,
@@ -155,7 +158,15 @@ impl Link {
     /// returned `None`.
     #[inline]
     pub const fn poll_unwanted(&mut self) -> Option<Unwanted> {
-        self.heard.unwanted.take()
+        let heard = &mut self.heard;
+        if heard.has_nmea {
+            heard.has_nmea = false;
+            return Some(Unwanted::Nmea);
+        }
+        match core::mem::replace(&mut heard.other_message, 0).to_le_bytes() {
+            [0, 0] => None,
+            [class, id] => Some(Unwanted::Ubx { class, id }),
+        }
     }
 
     /// Takes bytes of the line, as many as there is room for, and returns how many. There is room
@@ -341,6 +352,15 @@ fn micros(cycles: u64) -> u32 {
     u32::try_from(Cycles(cycles).as_micros()).unwrap_or(u32::MAX)
 }
 
+/// Whether `bytes` begin with a dollar sign and five letters that are a talker and a sentence: the
+/// sign alone is in any binary data.
+#[cold]
+#[inline(never)]
+fn is_nmea(bytes: &[u8]) -> bool {
+    matches!(bytes.first_chunk::<7>(), Some([b'$', b'G', letters @ .., b','])
+        if letters.iter().all(u8::is_ascii_uppercase))
+}
+
 /// Adds to a counter.
 #[inline]
 fn count(counter: &mut u32, more: usize) {
@@ -363,15 +383,15 @@ fn search<'a>(bytes: &'a [u8], sums: &mut Sums, heard: &mut Heard) -> (&'a [u8],
                     break;
                 }
                 Header::LoneSync => count(&mut heard.counters.lone_syncs, 1),
-                Header::OtherMessage => {
+                Header::OtherMessage(message) => {
                     count(&mut heard.counters.other_messages, 1);
-                    heard.unwanted = Unwanted::ubx(rest);
+                    heard.other_message = message;
                 }
                 Header::FalseLength => count(&mut heard.counters.false_lengths, 1),
             },
             b'$' => {
                 count(&mut heard.counters.nmea_starts, 1);
-                heard.unwanted = Unwanted::nmea(rest).or(heard.unwanted);
+                heard.has_nmea |= is_nmea(rest);
             }
             _ => {}
         }

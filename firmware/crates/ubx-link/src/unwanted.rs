@@ -42,28 +42,6 @@ pub enum Unwanted {
 }
 
 impl Unwanted {
-    /// The message whose header `bytes` begin with.
-    #[inline]
-    pub(crate) const fn ubx(bytes: &[u8]) -> Option<Self> {
-        match *bytes {
-            [_, _, class, id, ..] => Some(Self::Ubx { class, id }),
-            _ => None,
-        }
-    }
-
-    /// NMEA, if `bytes` begin with a dollar sign and five letters that are a talker and a sentence:
-    /// the sign alone is in any binary data.
-    #[inline]
-    pub(crate) fn nmea(bytes: &[u8]) -> Option<Self> {
-        match bytes.first_chunk::<7>()? {
-            [b'$', b'G', letters @ .., b','] => letters
-                .iter()
-                .all(u8::is_ascii_uppercase)
-                .then_some(Self::Nmea),
-            _ => None,
-        }
-    }
-
     /// What switches it off; `None` for answers, which come for the asking.
     const fn off(self) -> Option<Setting> {
         match self {

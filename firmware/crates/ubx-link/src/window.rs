@@ -112,12 +112,11 @@ impl Window {
         if let Some((first, rest)) = gone.split_first() {
             let mut busy = self.busy();
             let mut begin = *first;
-            let mut last = *first;
-            for stamp in rest {
-                if stamp.0.wrapping_sub(last.0) > self.gap {
-                    (busy, begin) = (0, *stamp);
-                }
-                last = *stamp;
+            let last = *rest.last().unwrap_or(first);
+            // Bytes that took no longer than they had to have no gap between them.
+            let least = (rest.len() as u32).wrapping_mul(self.gap / 3);
+            if last.0.wrapping_sub(first.0) > least.saturating_add(self.gap / 3) {
+                (busy, begin) = newest_run(rest, (busy, begin), self.gap);
             }
             self.busy = busy.saturating_add(last.0.wrapping_sub(begin.0).into());
             self.last = Some(last);
@@ -134,6 +133,21 @@ impl Window {
         move_to_front(&mut self.stamps, self.start, self.end);
         (self.start, self.end) = (0, self.len());
     }
+}
+
+/// For how long the line had been busy at the first byte behind the last gap, and that byte; of the
+/// bytes `rest` behind the one that `run` begins with.
+#[inline(never)]
+fn newest_run(rest: &[Stamp], run: (u64, Stamp), gap: u32) -> (u64, Stamp) {
+    let mut newest = run;
+    let mut last = run.1;
+    for stamp in rest {
+        if stamp.0.wrapping_sub(last.0) > gap {
+            newest = (0, *stamp);
+        }
+        last = *stamp;
+    }
+    newest
 }
 
 /// The longest time from byte to byte on a line that is busy: two byte times, and the one that the

@@ -59,7 +59,7 @@ pub fn all(subject: &Subject) -> anyhow::Result<(Vec<Row>, Sections)> {
     let capture = most(profile.entries().get(&TIM4));
     let masked = sections.first().map_or(0, |&(_, length)| length) as f64;
     anyhow::ensure!(
-        uart > 0.0 && capture > 0.0 && masked > 0.0,
+        uart > 0.0 && profile.entries().contains_key(&TIM4) && masked > 0.0,
         "an interrupt that should have come did not"
     );
     Ok((

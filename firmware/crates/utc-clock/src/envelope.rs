@@ -343,8 +343,8 @@ impl Envelope {
         early
     }
 
-    /// Begins anew where the floor stands, if it has moved. That line is as good as the marks that
-    /// said so, however late the one is that was the last of them.
+    /// Begins anew if the floor has moved. Where it stands, the line is as good as the marks that said
+    /// so, however late the one is that was the last of them.
     fn follow_moved(
         &mut self,
         at_us: u64,
@@ -352,22 +352,23 @@ impl Envelope {
         excess_ns: i32,
         standing: Standing,
     ) -> Option<EnvelopeVerdict> {
-        let by_ns = match standing {
+        match standing {
             Standing::Unmoved => return None,
-            Standing::At(by_ns) => by_ns,
-            Standing::Drifted(by_ns) => {
+            Standing::At(by_ns) => {
+                let above_ns = excess_ns.saturating_sub(by_ns);
+                let floor = Point {
+                    lateness_ns: point.lateness_ns.wrapping_sub(above_ns as u32),
+                    ..point
+                };
+                self.begin(at_us, floor);
+                self.is_unsettled = false;
+            }
+            Standing::Drifted => {
                 self.variance = LOST_PPB * LOST_PPB;
                 self.learnt_s = 0.0;
-                by_ns
+                self.begin(at_us, point);
             }
-        };
-        let above_ns = excess_ns.saturating_sub(by_ns);
-        let floor = Point {
-            lateness_ns: point.lateness_ns.wrapping_sub(above_ns as u32),
-            ..point
-        };
-        self.begin(at_us, floor);
-        self.is_unsettled = false;
+        }
         Some(EnvelopeVerdict::Moved(self.floor(point)))
     }
 

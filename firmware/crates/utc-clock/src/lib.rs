@@ -4,12 +4,13 @@
 //! each second. This makes of them a clock that code of any interrupt priority can read, with
 //! the uncertainty of each reading. The types that matter:
 //!
-//! - [`UtcClock`] is a state machine: time marks and pulses go in, and what they did comes out;
+//! - [`UtcClock`] is a state machine: time marks, pulses and what the receiver says of both go in, and
+//!   what they did comes out;
 //! - [`Published`] has a [`Reading`] for any moment that was stamped, and takes no lock for it;
 //! - [`Settings`] is what is known before the first mark.
 //!
 //! ```
-//! use timebase::{CORE_HZ, CivilTime, Cycles, TimeMark, Validity};
+//! use timebase::{CORE_HZ, CivilTime, Cycles, LeapSeconds, TimeMark, Validity};
 //! use utc_clock::{ClockState, Outcome, Published, Settings, UtcClock};
 //!
 //! static TIMELINE: Published = Published::new();
@@ -18,42 +19,98 @@
 //! // One task owns the clock, and with it the only writer of the timeline.
 //! let mut clock = UtcClock::new(Settings::DEFAULT, TIMELINE.take_writer().unwrap());
 //!
-//! // A NAV-PVT of 04:00:00 has arrived 3 s after boot, and is handled 9 ms later.
-//! let mark = TimeMark {
+//! // The receiver says that it has its leap count from GPS. A second later a NAV-PVT of 04:00:00
+//! // arrives on a line that was idle, then one each 0.2 s; each is handled 9 ms later.
+//! clock.handle_leap_seconds(
+//!     &LeapSeconds {
+//!         arrival: Cycles(2 * SECOND),
+//!         busy_us: 0,
+//!         source: 2,
+//!         count: Some(18),
+//!         event: None,
+//!     },
+//!     Cycles(2 * SECOND),
+//! );
+//! let mut mark = TimeMark {
 //!     arrival: Cycles(3 * SECOND),
+//!     busy_us: 0,
 //!     epoch: CivilTime { year: 2026, month: 11, day: 22, hour: 4, minute: 0, second: 0, nano: 0 },
 //!     t_acc_ns: 20,
 //!     validity: Validity { date: true, time: true, fully_resolved: true, ..Validity::default() },
 //! };
-//! let now = mark.arrival.plus(SECOND * 9 / 1_000);
-//! assert_eq!(clock.handle_mark(&mark, now), Outcome::Set);
+//! let outcome = clock.handle_mark(&mark, mark.arrival.plus(SECOND * 9 / 1_000));
+//! assert_eq!(outcome, Outcome::Set);
+//! // One mark alone proves no second.
+//! let reading = TIMELINE.reading_at(mark.arrival.plus(SECOND / 10));
+//! assert_eq!(reading.state, ClockState::Unproved);
+//! for _ in 0..4 {
+//!     mark.arrival = mark.arrival.plus(SECOND / 5);
+//!     mark.epoch.nano += 200_000_000;
+//!     clock.handle_mark(&mark, mark.arrival.plus(SECOND * 9 / 1_000));
+//! # if mark.epoch.nano == 800_000_000 { mark.epoch.second = 1; mark.epoch.nano -= 1_000_000_000; }
+//! }
 //!
-//! // An interrupt reads the time of something that happened 1.5 s after the arrival.
-//! let reading = TIMELINE.reading_at(mark.arrival.plus(SECOND * 3 / 2));
+//! // An interrupt reads the time of something that happened 1.5 s after the first arrival.
+//! let reading = TIMELINE.reading_at(Cycles(3 * SECOND).plus(SECOND * 3 / 2));
 //! assert_eq!(format!("{:.0}", reading.utc), "2026-11-22T04:00:01Z");
 //! assert_eq!(reading.state, ClockState::Set);
 //! // As long as the receiver's latency is not known, the clock may be off by as much.
-//! assert!(reading.uncertainty_ns >= Settings::DEFAULT.latency_uncertainty_ns);
+//! assert!(reading.uncertainty_ns >= u64::from(Settings::DEFAULT.latency_uncertainty_ns));
 //!
 //! // Two seconds without another mark: the clock runs on by itself.
-//! while clock.poll_timeout() <= Cycles(6 * SECOND) {
+//! while clock.poll_timeout() <= Cycles(7 * SECOND) {
 //!     clock.handle_timeout(clock.poll_timeout());
 //! }
-//! assert_eq!(TIMELINE.reading_at(Cycles(6 * SECOND)).state, ClockState::Holdover);
+//! assert_eq!(TIMELINE.reading_at(Cycles(7 * SECOND)).state, ClockState::Holdover);
 //! ```
 //!
-//! *Design.*
+//! *Design.* The question is not only what time it is but what the evidence can prove. Three things
+//! are known apart, each with its own uncertainty; what is published is the sum of what is not proved.
 //!
 //! ```text
-//! TimeMark ─▶ gate ─▶ envelope ─┐
-//! PulseMark ────────▶ pulse ────┴▶ discipline ─▶ clock ─▶ Published ─▶ readers
+//! TimeMark ─▶ gate ─┬▶ second ──────┐
+//!                   └▶ envelope ────┤
+//! LeapSeconds ───────▶ second       ├▶ discipline ─▶ clock ─▶ Published ─▶ readers
+//! PulseForecast ─┬───▶ train ─▶ track
+//! PulseEdge ─────┘
 //! ```
 //!
+//! - `second`, *which second*: the leap count, the votes of the marks, what contradicts them;
+//! - `train` and `track`, *where in the second*, under a pulse: which edges are the pulse, and
+//!   how the crystal stands to them; `envelope`, without one: the least latency of the marks;
+//! - *how fast*: the pulse's track, or the envelope; `drift_guard` remembers the whole lock.
+//!
 //! `calendar` makes an instant of the receiver's fields, and `gate` decides whether a mark may be
-//! believed. `envelope` follows the least latency of the marks, `pulse` the time pulse;
-//! `discipline` decides which of the two says how far the clock is off, and `clock` how the
-//! clock follows. It owns the timeline: a chain of `model`s, each an affine map from cycles to
+//! believed at all. `discipline` decides which source says how far the clock is off, and `clock` how
+//! it follows. That owns the timeline: a chain of `model`s, each an affine map from cycles to
 //! UTC, with an uncertainty that grows as `holdover` says. `published` shares it.
+//!
+//! What detects what:
+//!
+//! | detector | where | time scale | catches | does |
+//! |---|---|---|---|---|
+//! | claims, tAcc, date window | `gate` | one mark | what the receiver itself does not vouch for, a week number 1024 off | refuses the mark |
+//! | busy line | `discipline` | one mark | lag: a mark that waited 20 ms teaches no floor, 300 ms no number | refuses it; after 10 s of nothing else the least delayed set the clock, with their wait in the uncertainty |
+//! | source of the leap count | `second` | until resolved; each poll | a count out of the firmware, or of a restart | ±18 s in the uncertainty until the sky has said it |
+//! | votes | `second` | 5 marks | one label that is off | the second stays open |
+//! | contradiction | `second` | 3 marks; 300 s | labels, a date or a leap count that changed | both numbers in the uncertainty; followed after 300 s without a pulse |
+//! | announced event | `second` | a day | a leap second, a receiver that is a second early | one step at the end of second 60 |
+//! | width and polarity | `train` | one pulse | inverted pulses, cameras, other modules | counts it |
+//! | one a second | `train` | 5 s | N Hz, two trains side by side | no proof |
+//! | TIM-TP's word | `train` | 1.3 s; 10 s of silence | free-running, another receiver's | no proof, or proof begins anew |
+//! | own accuracy | `discipline` | one mark | a receiver that is losing its time | proof begins anew |
+//! | rhythm | `track` | one pulse | what is not where the crystal puts it | refuses it, widens the uncertainty |
+//! | surprise, lag | `track` | 3 to 7 pulses | a ramp that turns round | learns the drift anew |
+//! | phase against the pulse followed | `discipline` | 60 s; 120 s beside it | a train that snaps, a camera 3 ppm fast | not followed before it has outlasted that at the crystal's frequency |
+//! | first marks | `envelope` | 20 s | a late or early first mark, one wrong label | begins the line anew |
+//! | early, late | `envelope` (`apart`) | 75 s; 240 s | labels that are off, a queue, a floor that moves | holds the marks off, then takes the floor for another latency |
+//! | still moving | `envelope` (`apart`) | twice that | ramps, a frequency learnt from one | not followed; the frequency is learnt anew |
+//! | wander | `envelope` (`wander`) | 8 min | floors that breathe | the frequency of many minutes, the scatter in the uncertainty |
+//! | step of the frequency | `envelope` | 2 s | a floor taken for a crystal | 4.8 ppm a minute at most, 110 ppm in all |
+//! | anchor | `drift_guard` | the whole lock | a receiver that drifts as no crystal does | refuses its marks |
+//! | silence | `clock` | 2 s or 3.5 periods | a receiver that is gone | holdover |
+//!
+//! What none of them can catch stands in `docs/integrity.md`.
 //!
 //! *Limits.* No I/O, and time is an argument. [`UtcClock::handle_timeout`] has to be called when
 //! [`UtcClock::poll_timeout`] says. The rate of 168 MHz is [`timebase::CORE_HZ`], a constant and no

@@ -41,7 +41,7 @@ impl Settings {
         require_confirmed: false,
         latency_ns: 0,
         latency_uncertainty_ns: 150_000_000,
-        pulse_uncertainty_ns: 82,
+        pulse_uncertainty_ns: 83,
         leap_seconds: None,
         date_floor: Self::DATE_FLOOR,
         frequency: Ppb(0),

@@ -53,10 +53,6 @@ const UNBIASED: f32 = 0.5;
 /// round, the mean passes through 0.
 const LAGS_FOR: u8 = 20;
 
-/// A drift of 1 ppm a minute that begins moves the quiet filter by so much before an innovation
-/// shows it. [ns]
-const ONSET_NS: f32 = 16.0;
-
 /// Where the crystal is steady, the two filters are not farther apart a second later. [ns]
 const APART_NS: f32 = 32.0;
 /// Beyond that the quiet one may be off by so many times the distance.
@@ -76,15 +72,17 @@ const SURPRISE_FORGOTTEN: f32 = 0.15;
 /// The ramping filter's innovations are averaged over so many pulses.
 const LAG_OVER: f32 = 3.0;
 /// It lags when their mean is beyond so many standard deviations of one; white ones have 0.45.
-const LAGGING: f32 = 0.9;
-/// What is beyond so many may be lag already, and the phase be off by so many times as much.
+const LAGGING: f32 = 1.0;
+/// What is beyond so many may be lag already, and the phase be off by so many times as much, up to
+/// [`MOST_LAG_NS`].
 const UNLAGGING: f32 = 0.7;
-const MOST_LAG_NS: f32 = 15.0;
 const LAG_WORTH: f32 = 1.0;
-/// Then the quiet filter is not asked for so many pulses at least.
+const MOST_LAG_NS: f32 = 20.0;
+/// Beyond so many the quiet filter lags, too, and is not asked for so many pulses at least.
+const QUIET_LAGGING: f32 = 1.4;
 const TURNS_FOR: u8 = 5;
-/// And nothing better is known of the drift than this; 1 ppm a minute is 16.7. [ppb/s]
-const TURN_PPB_PER_S: f32 = 16.0;
+/// When it lags, nothing better is known of the drift than this; 1 ppm a minute is 16.7. [ppb/s]
+const TURN_PPB_PER_S: f32 = 15.0;
 
 /// A drift of 1 ppm a minute that has just turned round, before an innovation shows it. [ppb]
 const TURNED_PPB: f32 = 120.0;
@@ -196,7 +194,7 @@ impl PulseTrack {
         } else {
             let apart_ns = self.quiet.phase_ns - self.ramping.phase_ns + self.quiet.frequency_ppb
                 - self.ramping.frequency_ppb;
-            ONSET_NS + APART_WORTH * (apart_ns.abs() - APART_NS).max(0.0)
+            APART_WORTH * (apart_ns.abs() - APART_NS).max(0.0)
         };
         UNCERTAIN_SIGMAS * self.filter().phase_deviation_ns()
             + self.surprise_ns
@@ -253,9 +251,11 @@ impl PulseTrack {
             .max(0.0)
             .min(most_ns);
         if self.lag_ns.abs() > LAGGING * deviation_ns {
-            self.lags_for = self.lags_for.max(TURNS_FOR);
             self.lagging_ns = 0.0;
             ramping.open_drift(TURN_PPB_PER_S);
+        }
+        if self.lag_ns.abs() > QUIET_LAGGING * deviation_ns {
+            self.lags_for = self.lags_for.max(TURNS_FOR);
         }
         let surprise_ns = innovation_ns.abs() - SURPRISE_SIGMAS * deviation_ns;
         self.surprise_ns = (self.surprise_ns * (1.0 - SURPRISE_FORGOTTEN)).max(surprise_ns);

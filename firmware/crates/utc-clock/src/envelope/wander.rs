@@ -12,7 +12,6 @@
 //! *Limits.* Wander slower than some 15 minutes is a parabola to it. It has no opinion before
 //! the ring is three quarters full.
 
-use super::BEYOND_WANDER_NS;
 use super::bins::Bins;
 use super::density::ArrivalDensity;
 use super::trend::{Point, Trend, seconds};
@@ -25,6 +24,10 @@ const ENOUGH: usize = 48;
 const AT_ONCE: usize = 12;
 /// The whole ring, in s.
 const FULL_S: f32 = 480.0;
+
+/// A floor that rises by more over the ring is on its way to somewhere else, as no crystal's is: 125 ppm.
+/// [ns]
+const BEYOND_CRYSTALS_NS: f32 = 60e6;
 
 /// The slow frequency averages so many opinions of a full ring: 50 minutes of them.
 const SLOW_WEIGHTS: f32 = 400.0;
@@ -144,7 +147,7 @@ impl Wander {
     }
 
     fn learn(&mut self, frame: &Frame, fit: &Parabola) {
-        if 2.0 * fit.slope.abs() > BEYOND_WANDER_NS {
+        if 2.0 * fit.slope.abs() > BEYOND_CRYSTALS_NS {
             return;
         }
         let part = 2.0 * frame.half_s / FULL_S;

@@ -43,11 +43,11 @@
 //! // One mark alone proves no second.
 //! let reading = TIMELINE.reading_at(mark.arrival.plus(SECOND / 10));
 //! assert_eq!(reading.state, ClockState::Unproved);
-//! for _ in 0..4 {
+//! for fifth in 1..=5_u8 {
 //!     mark.arrival = mark.arrival.plus(SECOND / 5);
-//!     mark.epoch.nano += 200_000_000;
+//!     mark.epoch.second = fifth / 5;
+//!     mark.epoch.nano = i32::from(fifth % 5) * 200_000_000;
 //!     clock.handle_mark(&mark, mark.arrival.plus(SECOND * 9 / 1_000));
-//! # if mark.epoch.nano == 800_000_000 { mark.epoch.second = 1; mark.epoch.nano -= 1_000_000_000; }
 //! }
 //!
 //! // An interrupt reads the time of something that happened 1.5 s after the first arrival.

@@ -22,6 +22,9 @@ static SAVE_WANTED: AtomicBool = AtomicBool::new(false);
 /// A save that runs is to end.
 static STOP_WANTED: AtomicBool = AtomicBool::new(false);
 
+/// A save runs, or is about to.
+static IS_SAVING: AtomicBool = AtomicBool::new(false);
+
 /// Whether the log is to be written to the card.
 pub fn is_save_wanted() -> bool {
     SAVE_WANTED.load(Relaxed)
@@ -34,7 +37,13 @@ pub fn is_stop_wanted() -> bool {
 
 /// The log is going to be written now.
 pub fn begin_save() {
+    IS_SAVING.store(true, Relaxed);
     SAVE_WANTED.store(false, Relaxed);
+}
+
+/// The save is over.
+pub fn end_save() {
+    IS_SAVING.store(false, Relaxed);
     STOP_WANTED.store(false, Relaxed);
 }
 
@@ -72,12 +81,21 @@ impl Samples {
         csv::read(offset, out, self.len(), |index| self.get(index))
     }
 
-    /// A test begins or ends; at its end the log is written to the card.
+    /// A test begins or ends; at its end the log is written to the card, unless that runs already.
     pub fn handle_test(&self, test: Test) {
         self.with(|log| log.handle_test(test));
-        if test == Test::Ends {
-            SAVE_WANTED.store(true, Relaxed);
-            thread::wake();
+        let is_saving = IS_SAVING.load(Relaxed);
+        match test {
+            Test::Begins => {}
+            Test::Ends | Test::SavesAgain if is_saving => {}
+            Test::Ends | Test::SavesAgain => {
+                SAVE_WANTED.store(true, Relaxed);
+                thread::wake();
+            }
+            Test::StopsSaving => {
+                SAVE_WANTED.store(false, Relaxed);
+                STOP_WANTED.store(is_saving, Relaxed);
+            }
         }
     }
 

@@ -49,6 +49,12 @@ pub fn run(mut slot: Option<Card>) -> ! {
                     samples,
                     took_us
                 );
+                SAMPLES.with(|log| {
+                    // Unless the next test has begun since.
+                    if log.is_frozen() {
+                        log.handle_saved();
+                    }
+                });
                 ClockEvent::Saved { file, samples }
             }
             Err(why) => {
@@ -56,6 +62,7 @@ pub fn run(mut slot: Option<Card>) -> ! {
                 ClockEvent::NotSaved(why)
             }
         };
+        samples::end_save();
         clock_events::push(event);
     }
 }

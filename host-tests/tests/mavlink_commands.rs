@@ -29,12 +29,14 @@ fn command(long: bool, v2: bool, number: u16, param1: f32) -> Frame {
 }
 
 #[test]
-fn a_test_begins_and_ends_by_command() {
+fn a_test_begins_and_ends_and_is_saved_by_command() {
     for (param1, meaning, result) in [
         (0.0, Ok(Order::Test(Test::Begins)), 0),
         (-0.0, Ok(Order::Test(Test::Begins)), 0),
         (1.0, Ok(Order::Test(Test::Ends)), 0),
-        (2.0, Err(Refusal::Denied), 2),
+        (2.0, Ok(Order::Test(Test::SavesAgain)), 0),
+        (3.0, Ok(Order::Test(Test::StopsSaving)), 0),
+        (4.0, Err(Refusal::Denied), 2),
         (-1.0, Err(Refusal::Denied), 2),
         (0.5, Err(Refusal::Denied), 2),
         (f32::NAN, Err(Refusal::Denied), 2),

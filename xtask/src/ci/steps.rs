@@ -166,6 +166,7 @@ fn tests() -> Result<Vec<Step>> {
         Step::cargo("tests", &["test", "--locked"]),
         Step::cargo("tests of the tools", &tools),
     ];
+    steps.extend(cards());
     for name in logic_crates()? {
         let alone = ["test", "--doc", "--locked", "--package", &name];
         steps.push(Step::cargo(format!("doctests of {name} alone"), &alone));
@@ -181,6 +182,38 @@ fn tests() -> Result<Vec<Step>> {
     ];
     steps.push(Step::cargo("docs", &docs).env("RUSTDOCFLAGS", "--deny warnings"));
     Ok(steps)
+}
+
+/// Damaged cards, and some as people have them where the script that makes these is there.
+fn cards() -> Vec<Step> {
+    /// One of each kind, without those that are large.
+    const SOME: [&str; 12] = [
+        "mbr_fat16",
+        "superfloppy_fat32",
+        "linux_first_fat_second",
+        "fat16_64k_4gb",
+        "fat32_few_clusters",
+        "one_table",
+        "dirty_fat32",
+        "full_fat32",
+        "root_clusters_full_fat32",
+        "name_9999",
+        "cross_linked",
+        "root_loops",
+    ];
+    let mut steps = vec![Step::xtask("damaged cards", &["card-faults", "--check"])];
+    let script = std::env::var_os("PIXCLOCK_CAPTURES")
+        .map(|captures| Path::new(&captures).join("cards/cards.py"));
+    if let Some(script) = script.filter(|script| script.exists()) {
+        let some = Step::xtask("cards as people have them", &["card-faults", "--images"]);
+        let named = |step: Step, name: &str| step.arg("--only").arg(name);
+        steps.push(
+            SOME.into_iter()
+                .fold(some.arg(script), named)
+                .needs("mtools"),
+        );
+    }
+    steps
 }
 
 /// The names of the packages below `firmware/crates`.

@@ -40,6 +40,9 @@ const LOOK: Duration = Duration::from_millis(100);
 /// The longest sleep before a PING: Ctrl-C counts in between.
 const NAP: Duration = Duration::from_millis(200);
 
+/// After so long a test that begins anew is meant, although a log is lost by it.
+const MEANT_AFTER: Duration = Duration::from_millis(2_500);
+
 /// A board that is ready for a test.
 pub struct Ready {
     board: Connected,
@@ -228,7 +231,13 @@ pub fn run(
 /// Sends the boards that a test begins.
 fn begin(ready: &mut [Ready]) -> Result<()> {
     for Ready { board, identity } in ready {
-        if !board.send_test(identity.address, Test::Begins)? {
+        let mut begins = || board.send_test(identity.address, Test::Begins);
+        // A board asks back before it loses a log that is in no file.
+        let has_begun = begins()? || {
+            thread::sleep(MEANT_AFTER);
+            begins()?
+        };
+        if !has_begun {
             eprintln!(
                 "{} did not confirm that a test begins: its own log may begin before it",
                 board.name

@@ -2,7 +2,7 @@
 //!
 //! *Purpose.* MAV_CMD_USER_1 (31010) with 0 as its first parameter begins a test: the
 //! log of PINGs is cleared and records. With 1 the test ends: the log is frozen, and
-//! written to the card if there is one. MAV_CMD_REQUEST_MESSAGE (512) asks for AUTOPILOT_VERSION
+//! written to the card if there is one; 2 has it written once more, and 3 stops that. MAV_CMD_REQUEST_MESSAGE (512) asks for AUTOPILOT_VERSION
 //! (148), PROTOCOL_VERSION (300) or HOME_POSITION (242), and so do the older commands 520, 519 and 410.
 //!
 //! *Design.* Parsed from the raw payload, since the type in `mavlink` has no value for commands
@@ -37,11 +37,21 @@ const REQUEST_AUTOPILOT_CAPABILITIES: u16 = 520;
 /// words, of which the first is a float in both.
 const NUMBER: usize = 28;
 
+/// What MAV_CMD_USER_1 can mean.
+const TESTS: [Test; 4] = [
+    Test::Begins,
+    Test::Ends,
+    Test::SavesAgain,
+    Test::StopsSaving,
+];
+
 /// The command's first parameter.
 pub(crate) const fn param1(test: Test) -> f32 {
     match test {
         Test::Begins => 0.0,
         Test::Ends => 1.0,
+        Test::SavesAgain => 2.0,
+        Test::StopsSaving => 3.0,
     }
 }
 
@@ -53,7 +63,8 @@ pub enum Refusal {
     Unsupported,
     /// The number is known, its first parameter is not (MAV_RESULT_DENIED).
     Denied,
-    /// What is asked for is not known yet (MAV_RESULT_TEMPORARILY_REJECTED).
+    /// What is asked for is not known yet, or samples would be lost by it
+    /// (MAV_RESULT_TEMPORARILY_REJECTED).
     NotYet,
 }
 
@@ -62,7 +73,7 @@ impl fmt::Display for Refusal {
         f.write_str(match self {
             Self::Unsupported => "the command is not supported",
             Self::Denied => "the command does not have this parameter",
-            Self::NotYet => "what is asked for is not known yet",
+            Self::NotYet => "not now: it is not known yet, or samples would be lost by it",
         })
     }
 }
@@ -96,7 +107,7 @@ impl Command {
             order.ok_or(Refusal::Denied)
         };
         let meaning = match number {
-            USER_1 => [Test::Begins, Test::Ends]
+            USER_1 => TESTS
                 .into_iter()
                 .find(|test| self::param1(*test) == param1)
                 .map(Order::Test)

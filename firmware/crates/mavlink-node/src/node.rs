@@ -284,7 +284,8 @@ impl Node {
                     }
                     Ok(Order::Test(Test::Begins)) => self.log.end(),
                     Ok(Order::Describe(what)) => self.told.want(what, version),
-                    Ok(Order::Test(Test::Ends)) | Err(_) => {}
+                    Ok(Order::Test(Test::Ends | Test::SavesAgain | Test::StopsSaving)) | Err(_) => {
+                    }
                 }
                 return Some(RequestKind::Command(command));
             }

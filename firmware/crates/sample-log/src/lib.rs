@@ -6,7 +6,8 @@
 //!
 //! - [`Sample`], one PING as the board saw it, and [`Record`], the 16 bytes in which it is kept;
 //! - [`SampleLog`], the samples of a test, in memory that it is given;
-//! - [`Test`], the command that begins or ends a test.
+//! - [`Test`], the command that begins or ends a test, and [`BeginGuard`], which asks back before a
+//!   log is lost by one.
 //!
 //! *Design.* The log has two pieces of memory, because the board's spare memory is in two places.
 //! It counts the samples for which there was no room, and does not change once it is frozen.
@@ -53,9 +54,11 @@
     clippy::indexing_slicing
 )]
 
+mod begin;
 pub mod csv;
 mod log;
 pub mod sample;
 
+pub use begin::BeginGuard;
 pub use log::{Kept, SampleLog, Test};
 pub use sample::{Record, Sample};

@@ -2,13 +2,17 @@
 
 use crate::{Record, Sample, csv};
 
-/// The beginning or the end of a test, as a client commands it.
+/// The beginning or the end of a test, or what is to become of its log, as a client commands it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Test {
     /// It begins: the log is cleared and records.
     Begins,
-    /// It ends: the log is frozen, so that its file can be read in pieces.
+    /// It ends: the log is frozen, so that its file can be read in pieces, and saved.
     Ends,
+    /// The log of a test that has ended is saved once more.
+    SavesAgain,
+    /// A save that runs is to stop; the log stays as it is.
+    StopsSaving,
 }
 
 /// What happened to a sample that was given to the log.
@@ -33,6 +37,9 @@ pub struct SampleLog<'a> {
     first_ping_us: u64,
     missed: u32,
     is_frozen: bool,
+    /// A test has begun by a command.
+    has_begun: bool,
+    is_saved: bool,
 }
 
 impl<'a> SampleLog<'a> {
@@ -46,6 +53,8 @@ impl<'a> SampleLog<'a> {
             first_ping_us: 0,
             missed: 0,
             is_frozen: false,
+            has_begun: false,
+            is_saved: false,
         }
     }
 
@@ -54,6 +63,23 @@ impl<'a> SampleLog<'a> {
         self.len = 0;
         self.missed = 0;
         self.is_frozen = false;
+        self.has_begun = false;
+        self.is_saved = false;
+    }
+
+    /// Its file is on the card.
+    pub const fn handle_saved(&mut self) {
+        self.is_saved = true;
+    }
+
+    /// The number of samples that somebody has asked for and that are in no file yet.
+    #[must_use]
+    pub const fn unsaved(&self) -> u32 {
+        if !self.is_saved && (self.has_begun || self.is_frozen) {
+            self.len
+        } else {
+            0
+        }
     }
 
     /// Records nothing more until [`Self::clear`].
@@ -61,11 +87,15 @@ impl<'a> SampleLog<'a> {
         self.is_frozen = true;
     }
 
-    /// Does what the beginning or the end of a test means for the log.
+    /// Does what a command about a test means for the log.
     pub const fn handle_test(&mut self, test: Test) {
         match test {
-            Test::Begins => self.clear(),
+            Test::Begins => {
+                self.clear();
+                self.has_begun = true;
+            }
             Test::Ends => self.freeze(),
+            Test::SavesAgain | Test::StopsSaving => {}
         }
     }
 

@@ -13,6 +13,7 @@ use embassy_futures::select::{Either3, select3};
 use embassy_time::{Duration, Ticker, Timer};
 use fault_record::Hang;
 use mavlink_node::{Config, Node, PingReply};
+use sample_log::BeginGuard;
 
 use crate::drivers::time;
 use crate::drivers::uart::{Reader, Writer};
@@ -43,6 +44,7 @@ pub async fn run(line: (Reader, Writer)) {
             PingReply::RtosTime
         },
     });
+    let mut guard = BeginGuard::new();
     let mut beat = Ticker::every(Duration::from_secs(1));
     loop {
         supervision::came_by(Hang::Mavlink);
@@ -60,7 +62,7 @@ pub async fn run(line: (Reader, Writer)) {
         reader.take(|bytes| {
             for &byte in bytes {
                 if let Some(request) = node.push(byte, now) {
-                    requests::serve(&mut node, &mut writer, &request);
+                    requests::serve(&mut node, &mut writer, &mut guard, &request);
                 }
             }
         });

@@ -1,7 +1,8 @@
 //! Requests are served, and the PINGs among them recorded.
 
-use mavlink_node::{Command, Node, Order, Request, RequestKind};
-use sample_log::{Kept, Sample, SampleLog};
+use mavlink_node::{Command, Node, Order, Refusal, Request, RequestKind, Test};
+use sample_log::{BeginGuard, Kept, Sample, SampleLog};
+use timebase::Cycles;
 use utc_clock::Reading;
 
 use crate::clock;
@@ -15,21 +16,44 @@ const KEPT: usize = 256;
 
 /// Does what is asked, and answers.
 #[inline(never)]
-pub fn serve(node: &mut Node, writer: &mut Writer, request: &Request) {
+pub fn serve(node: &mut Node, writer: &mut Writer, guard: &mut BeginGuard, request: &Request) {
     let (time, reading) = clock::node_time_and_reading_at(request.arrival);
-    match request.kind {
-        RequestKind::Command(Command {
-            meaning: Ok(Order::Test(test)),
-            ..
-        }) => SAMPLES.handle_test(test),
+    let mut request = *request;
+    match &mut request.kind {
+        RequestKind::Command(Command { meaning, .. }) => {
+            if let Ok(Order::Test(test)) = *meaning {
+                if may_obey(guard, test, request.arrival) {
+                    SAMPLES.handle_test(test);
+                } else {
+                    *meaning = Err(Refusal::NotYet);
+                }
+            }
+        }
         RequestKind::EraseLog => SAMPLES.with(SampleLog::clear),
-        RequestKind::Command(_) | RequestKind::Ping { .. } | RequestKind::TimeSync { .. } => {}
+        RequestKind::Ping { .. } | RequestKind::TimeSync { .. } => {}
     }
-    let is_answered = writer.send_leaving(&node.answer(request, time), KEPT);
+    let is_answered = writer.send_leaving(&node.answer(&request, time), KEPT);
     if let RequestKind::Ping { time_usec, seq } = request.kind
         && is_answered
     {
         record(time_usec, seq, time.rtos_ns(), reading);
+    }
+}
+
+/// Whether no samples are lost by a command, and it has a log to act on.
+fn may_obey(guard: &mut BeginGuard, test: Test, now: Cycles) -> bool {
+    match test {
+        Test::Begins => {
+            let unsaved = SAMPLES.with(|log| log.unsaved());
+            let may_begin = guard.handle_begin(unsaved, now);
+            if !may_begin {
+                clock_events::push(ClockEvent::Unsaved(unsaved));
+            }
+            may_begin
+        }
+        // Of a test that has not ended there is nothing to be saved again.
+        Test::SavesAgain => SAMPLES.with(|log| log.is_frozen()),
+        Test::Ends | Test::StopsSaving => true,
     }
 }
 

@@ -51,6 +51,11 @@ pub fn statustext(event: ClockEvent) -> (Severity, Text) {
             Some(for_s.cast_signed()),
             " s; 3 stops it",
         ),
+        ClockEvent::Unsaved(samples) => {
+            push_number(&mut text, samples.into());
+            let behind = " samples not saved: save, or begin again";
+            (Severity::Warning, behind, None, "")
+        }
         ClockEvent::NotSaved(why) => (Severity::Warning, "log not saved: ", None, why.advice()),
     };
     // All of it fits.

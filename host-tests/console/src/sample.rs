@@ -26,7 +26,7 @@ impl Sample {
 
     /// The clock is further off than it claims.
     pub(crate) fn is_misleading(&self) -> bool {
-        let is_beyond = |ns: i64| ns.unsigned_abs() > self.uncertainty_ns.into();
+        let is_beyond = |ns: i64| ns.unsigned_abs() > self.uncertainty_ns;
         self.state != ClockState::Unset && self.offset_ns.is_some_and(is_beyond)
     }
 }

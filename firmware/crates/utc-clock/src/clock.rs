@@ -356,7 +356,7 @@ impl<'a> UtcClock<'a> {
         if gap > 0 {
             self.period = gap
                 .min(self.period.saturating_add(self.period / 4))
-                .max(CORE_HZ as u64 / 100)
+                .max(u64::from(CORE_HZ) / 100)
                 .min(LONGEST_PERIOD);
         }
     }

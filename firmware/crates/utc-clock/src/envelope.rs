@@ -527,7 +527,7 @@ impl Envelope {
         if let Some(slow_ppb) = self.wander.slow_ppb()
             && self.wanders()
         {
-            self.line.crystal_ppb = slow_ppb.max(-CRYSTAL_PPB).min(CRYSTAL_PPB);
+            self.line.crystal_ppb = within(slow_ppb, CRYSTAL_PPB);
             self.variance = WANDER_VARIANCE;
             return;
         }
@@ -562,10 +562,8 @@ impl Envelope {
         } else {
             MOST_STEP_PPB.max(MOST_STEP_SIGMAS * libm::sqrtf(self.variance))
         };
-        // Not `clamp`, which would panic where the variance is not a number, and bring the
-        // formatting of floats.
-        let moved_ppb = self.line.crystal_ppb + (gain * slope_ppb).max(-most_ppb).min(most_ppb);
-        self.line.crystal_ppb = moved_ppb.max(-CRYSTAL_PPB).min(CRYSTAL_PPB);
+        let moved_ppb = self.line.crystal_ppb + within(gain * slope_ppb, most_ppb);
+        self.line.crystal_ppb = within(moved_ppb, CRYSTAL_PPB);
         self.variance *= 1.0 - gain;
     }
 
@@ -631,6 +629,12 @@ impl Envelope {
         };
         self.edge.uncertainty_ns() + bend_ns + tilt_ns + drifted_ns + 2.0 * self.wander.scatter_ns()
     }
+}
+
+/// The value, or the limit on its side of 0. Not `clamp`, which panics where a limit is not a
+/// number, and brings the formatting of floats.
+fn within(value: f32, most: f32) -> f32 {
+    value.max(-most).min(most)
 }
 
 #[cfg(test)]

@@ -107,13 +107,13 @@ fn over_a_leap_second(board: &mut Board, announce: impl FnOnce(&mut Board)) -> V
         second: 0,
         nano: 0,
     })
-    .unwrap();
+    .expect("a time of this century");
     announce(board);
     let marks = (0..200_i64).map(|number| {
         let since = number * PERIOD - 10 * SECOND;
         let mut received: TimeMark = mark(UtcNanos(midnight.0 + since));
         if (0..SECOND).contains(&since) {
-            received.epoch = leap_second(i32::try_from(since).unwrap());
+            received.epoch = leap_second(i32::try_from(since).expect("less than a second"));
         } else if since >= SECOND {
             received = mark(UtcNanos(midnight.0 + since - SECOND));
         }

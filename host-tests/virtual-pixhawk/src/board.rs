@@ -81,18 +81,23 @@ pub(crate) struct Pixhawk1 {
     probe: Probe,
 }
 
+/// What is plugged into a board.
+pub(crate) struct Plugged {
+    pub(crate) gps: Wire,
+    pub(crate) telem1: Wire,
+    /// On AUX5.
+    pub(crate) pulse: PulseWire,
+    pub(crate) card: Option<Card>,
+}
+
 impl Store for Pixhawk1 {}
 
 impl Pixhawk1 {
-    /// A board whose crystal is `crystal_ppb` off, with what hangs on its serial
-    /// ports, on AUX5 and in the card's slot.
+    /// A board whose crystal is `crystal_ppb` off.
     pub(crate) fn new(
         crystal_ppb: i32,
         pace: CyclesPerInstruction,
-        gps: Wire,
-        telem1: Wire,
-        pulse: PulseWire,
-        card: Option<Card>,
+        plugged: Plugged,
         meter: Meter,
         probe: Probe,
     ) -> anyhow::Result<Self> {
@@ -100,12 +105,12 @@ impl Pixhawk1 {
         let mut mcu = Stm32f427::new()?;
         mcu.rcc.attach_crystals(hse_hz, 0);
         mcu.set_supply(SUPPLY_MV);
-        mcu.usart[GPS].attach(gps);
-        mcu.usart[TELEM1].attach(telem1);
-        mcu.sdio.attach(Slot(card));
+        mcu.usart[GPS].attach(plugged.gps);
+        mcu.usart[TELEM1].attach(plugged.telem1);
+        mcu.sdio.attach(Slot(plugged.card));
         Ok(Self {
             mcu,
-            pulse,
+            pulse: plugged.pulse,
             hse_hz,
             pace,
             meter,

@@ -62,7 +62,7 @@ impl Probe {
                 start,
                 length,
                 host,
-            })
+            });
         });
     }
 

@@ -21,7 +21,7 @@ use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 use world::{Pulse, Receiver, Sent, Talker, WorldNanos};
 
-use crate::board::{CyclesPerInstruction, GPS, Pixhawk1, TELEM1};
+use crate::board::{CyclesPerInstruction, GPS, Pixhawk1, Plugged, TELEM1};
 use crate::bootloader::Bootloader;
 use crate::card::Card;
 use crate::gaps::Gaps;
@@ -180,10 +180,12 @@ impl Builder {
         let board = Pixhawk1::new(
             crystal_ppb,
             pace,
-            Wire::new(gps),
-            Wire::new(telem1),
-            pulse,
-            card,
+            Plugged {
+                gps: Wire::new(gps),
+                telem1: Wire::new(telem1),
+                pulse,
+                card,
+            },
             meter.clone(),
             probe.clone(),
         )?;

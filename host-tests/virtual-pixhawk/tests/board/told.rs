@@ -8,12 +8,12 @@ use virtual_pixhawk::{Builder, Connector, Firmware, Pixhawk};
 use world::{Receiver, WorldNanos};
 
 /// How long the LED is lit and dark in turn, in ms, from its first change on for two seconds.
-fn flashes(board: &mut Pixhawk) -> Vec<(bool, u64)> {
+fn flashes(board: &mut Pixhawk) -> anyhow::Result<Vec<(bool, u64)>> {
     const STEP_MS: u64 = 10;
     let mut flashes: Vec<(bool, u64)> = Vec::new();
     for _ in 0..300 {
-        board.run_for(STEP_MS * MS).unwrap();
-        let is_lit = board.is_led_lit().unwrap();
+        board.run_for(STEP_MS * MS)?;
+        let is_lit = board.is_led_lit()?;
         match flashes.last_mut() {
             Some((was_lit, ms)) if *was_lit == is_lit => *ms += STEP_MS,
             _ => flashes.push((is_lit, STEP_MS)),
@@ -21,7 +21,7 @@ fn flashes(board: &mut Pixhawk) -> Vec<(bool, u64)> {
     }
     // The first and the last one are cut.
     flashes.pop();
-    flashes.drain(1..).collect()
+    Ok(flashes.drain(1..).collect())
 }
 
 /// Asserts that flashes are those of a pattern: lit and dark in turn, in ms.
@@ -34,7 +34,7 @@ fn assert_pattern(flashes: &[(bool, u64)], pattern: &[u64]) {
             .zip(expected)
             .enumerate()
             .all(|(nth, (&(is_lit, ms), &expected))| {
-                is_lit == ((from + nth) % 2 == 0) && ms.abs_diff(expected) <= 10
+                is_lit == (from + nth).is_multiple_of(2) && ms.abs_diff(expected) <= 10
             })
     };
     assert!((0..pattern.len()).any(is_as), "{flashes:?} {pattern:?}");
@@ -65,7 +65,7 @@ fn each_state_has_its_own_flashes() {
                 .map_or(ClockState::Unset, |clock| clock.reading.state),
             state
         );
-        assert_pattern(&flashes(&mut board), pattern);
+        assert_pattern(&flashes(&mut board).unwrap(), pattern);
     }
 }
 
@@ -82,7 +82,7 @@ fn a_second_that_is_not_proved_has_flashes_of_its_own() {
         .unwrap();
     board.run_to(WorldNanos(6 * SECOND)).unwrap();
     assert_eq!(board.clock().unwrap().reading.state, ClockState::Unproved);
-    assert_pattern(&flashes(&mut board), &[50, 200, 50, 700]);
+    assert_pattern(&flashes(&mut board).unwrap(), &[50, 200, 50, 700]);
 }
 
 #[test]
@@ -146,8 +146,8 @@ fn what_is_known_is_told_when_it_changes_and_plotted_each_second() {
             assert!(!is_after || *time_unix_usec > 0, "{at:?}");
         }
     }
-    let statuses = log.iter().filter_map(|line| Status::parse(&line.line.text));
-    let last = statuses.last().unwrap();
+    let mut statuses = log.iter().filter_map(|line| Status::parse(&line.line.text));
+    let last = statuses.next_back().unwrap();
     assert_eq!(last.get("second"), Some("proved"));
     assert_eq!(last.state(), Some(ClockState::Set));
 }

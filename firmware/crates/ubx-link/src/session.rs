@@ -302,6 +302,7 @@ impl Session {
 
     /// What to do now, one thing a call. Call until it is `None`, after each `handle_…` and at
     /// [`Self::poll_timeout`].
+    #[inline(never)]
     pub fn poll(&mut self, now: Cycles) -> Option<Action<'_>> {
         loop {
             match self.state {
@@ -389,6 +390,7 @@ impl Session {
     }
 
     /// The receiver has sent this: to be called for every [`Event`].
+    #[inline(never)]
     pub fn handle_event(&mut self, now: Cycles, event: &Event) {
         self.last_event = Some(now);
         let pulse = Setting::Pulse.message();
@@ -458,6 +460,7 @@ impl Session {
     }
 
     /// The wait for an answer is over.
+    #[cold]
     fn no_answer(&mut self, now: Cycles) {
         if self.last_event.is_some() {
             count(&mut self.counters.unanswered);
@@ -476,6 +479,7 @@ impl Session {
         }
     }
 
+    #[cold]
     fn begin_round(&mut self, now: Cycles) {
         count(&mut self.counters.rounds);
         self.unwanted = Table::new();

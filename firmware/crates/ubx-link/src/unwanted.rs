@@ -71,11 +71,22 @@ struct Kind {
 
 /// The kinds that were heard.
 #[derive(Clone, Debug)]
-pub(crate) struct Table([Option<Kind>; KINDS]);
+pub(crate) struct Table {
+    kinds: [Option<Kind>; KINDS],
+    /// How many of them are used: all of them, which the compiler does not know, so that loops stay loops.
+    used: usize,
+}
 
 impl Table {
     pub(crate) const fn new() -> Self {
-        Self([None; KINDS])
+        Self {
+            kinds: [None; KINDS],
+            used: KINDS,
+        }
+    }
+
+    fn kinds(&mut self) -> &mut [Option<Kind>] {
+        self.kinds.get_mut(..self.used).unwrap_or_default()
     }
 
     /// Takes one that was heard.
@@ -83,7 +94,11 @@ impl Table {
         if what.off().is_none() {
             return;
         }
-        let found = self.0.iter_mut().flatten().find(|kind| kind.what == what);
+        let found = self
+            .kinds()
+            .iter_mut()
+            .flatten()
+            .find(|kind| kind.what == what);
         if let Some(kind) = found {
             kind.at = now;
             if now >= kind.counts_from {
@@ -94,7 +109,7 @@ impl Table {
         // In a free place, or the one of what was not asked for and not heard for the longest time.
         let may_go = |place: &&mut Option<Kind>| place.is_none_or(|kind| kind.asked == 0);
         let place = self
-            .0
+            .kinds()
             .iter_mut()
             .filter(may_go)
             .min_by_key(|place| place.map_or(Cycles::BOOT, |kind| kind.at));
@@ -113,7 +128,7 @@ impl Table {
     /// The next to be switched off.
     pub(crate) fn poll_off(&mut self, now: Cycles) -> Option<Setting> {
         let is_due = |kind: &&mut Kind| kind.heard >= HEARD && kind.asked < ASKED;
-        let kind = self.0.iter_mut().flatten().find(is_due)?;
+        let kind = self.kinds().iter_mut().flatten().find(is_due)?;
         kind.asked = kind.asked.saturating_add(1);
         kind.heard = 0;
         kind.counts_from = now.plus(PAUSE);
@@ -122,7 +137,7 @@ impl Table {
 
     /// The receiver has refused to switch it off.
     pub(crate) fn handle_refused(&mut self, setting: Setting) {
-        for kind in self.0.iter_mut().flatten() {
+        for kind in self.kinds().iter_mut().flatten() {
             if kind.what.off() == Some(setting) {
                 kind.asked = ASKED;
                 kind.is_reported = true;
@@ -134,7 +149,7 @@ impl Table {
     pub(crate) fn poll_stubborn(&mut self) -> Option<Setting> {
         let is_stubborn =
             |kind: &&mut Kind| kind.heard >= HEARD && kind.asked >= ASKED && !kind.is_reported;
-        let kind = self.0.iter_mut().flatten().find(is_stubborn)?;
+        let kind = self.kinds().iter_mut().flatten().find(is_stubborn)?;
         kind.is_reported = true;
         kind.what.off()
     }

@@ -170,6 +170,7 @@ impl<'a> UtcClock<'a> {
     }
 
     /// Takes a mark, at most [`MAX_AGE`] after its arrival.
+    #[inline(never)] // Five times a second: it may be small.
     pub fn handle_mark(&mut self, mark: &TimeMark, now: Cycles) -> Outcome {
         let outcome = match self.admit(mark, now) {
             Ok(epoch) => self.follow(mark, epoch, now),
@@ -201,6 +202,7 @@ impl<'a> UtcClock<'a> {
     }
 
     /// Takes an answer to NAV-TIMELS.
+    #[inline(never)] // Seldom: it may be small.
     pub fn handle_leap_seconds(&mut self, told: &LeapSeconds, now: Cycles) {
         let utc = (self.state != ClockState::Unset).then(|| self.model.utc_at(told.arrival));
         self.discipline.handle_leap_seconds(told, utc);

@@ -331,6 +331,7 @@ impl Second {
 
     /// Ties what is announced to the end of a day, as soon as the second is proved; `utc` is what
     /// the clock reads now.
+    #[inline(never)] // Seldom: it may be small.
     pub(crate) fn tie_event(&mut self, now: Cycles, utc: UtcNanos) {
         if !self.is_proved || self.announced.is_none() {
             return;
@@ -375,6 +376,7 @@ impl Second {
     }
 
     /// Whether NAV-TIMELS is to be asked for now; the next time is set.
+    #[inline(never)] // Seldom: it may be small.
     pub(crate) fn poll_ask(&mut self, now: Cycles, utc: UtcNanos) -> bool {
         if !self.may_ask(now) {
             return false;

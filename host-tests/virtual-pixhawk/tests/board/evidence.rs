@@ -123,24 +123,25 @@ fn a_pulse_that_goes_wrong_is_left_and_one_that_comes_back_is_followed() {
         PulseFaultKind::Inverted,
         PulseFaultKind::Repeated { hz: 10 },
     ] {
-        let mut settings = with_fault(60, kind);
-        settings.pulse.faults[0].until = WorldNanos(120 * SECOND);
+        let mut settings = with_fault(100, kind);
+        settings.pulse.faults[0].until = WorldNanos(160 * SECOND);
         let mut board = board(firmware.clone(), &settings);
-        let before = readings(&mut board, 60);
-        let (error_ns, uncertainty_ns) = most(&before[80..]);
+        // It is proved and followed within 20 s, and for a minute at the 160th reading.
+        let before = readings(&mut board, 100);
+        let (error_ns, uncertainty_ns) = most(&before[160..]);
         assert!(error_ns <= FOLLOWED_NS, "{kind:?}: {error_ns} ns");
         assert!(
             uncertainty_ns <= CLAIMED_NS,
             "{kind:?}: {uncertainty_ns} ns"
         );
-        let during = readings(&mut board, 120);
+        let during = readings(&mut board, 160);
         println!(
             "{kind:?}: {:?} then {:?} ns",
-            most(&before[80..]),
+            most(&before[160..]),
             most(&during)
         );
-        readings(&mut board, 180);
-        let after = readings(&mut board, 200);
+        readings(&mut board, 240);
+        let after = readings(&mut board, 260);
         let (error_ns, uncertainty_ns) = most(&after);
         assert!(error_ns <= FOLLOWED_NS, "{kind:?}: {error_ns} ns");
         assert!(
@@ -169,12 +170,12 @@ fn raw_data_that_fills_the_line_is_switched_off() {
     let Some(firmware) = image() else { return };
     let settings = with_raw_data();
     let mut board = board(firmware, &settings);
-    readings(&mut board, 30);
-    let clocks = readings(&mut board, 60);
+    readings(&mut board, 90);
+    let clocks = readings(&mut board, 110);
     let log = board.take_log().unwrap();
     // Nothing that is not used comes any more.
     let before = status(&log, "gps_foreign_bytes");
-    readings(&mut board, 70);
+    readings(&mut board, 120);
     let log = board.take_log().unwrap();
     assert!(before > 2_000);
     assert_eq!(status(&log, "gps_foreign_bytes"), before);
@@ -227,13 +228,13 @@ fn a_leap_count_that_comes_late_is_in_the_uncertainty_until_then() {
     }
     // NAV-TIMELS is polled each 10 s.
     readings(&mut board, 60);
-    let clocks = readings(&mut board, 120);
+    let clocks = readings(&mut board, 160);
     assert!(
         clocks
             .iter()
             .all(|clock| clock.reading.state == ClockState::Set)
     );
-    let (error_ns, uncertainty_ns) = most(&clocks[60..]);
+    let (error_ns, uncertainty_ns) = most(&clocks[140..]);
     println!("{error_ns} ns, {uncertainty_ns} ns");
     assert!(error_ns <= FOLLOWED_NS && uncertainty_ns <= CLAIMED_NS);
 }
@@ -244,12 +245,12 @@ fn a_latency_that_moves_under_the_pulse_moves_nothing() {
     let mut settings = receiver_settings();
     settings.latency = settings.latency.with_wander(Wander::Step {
         above_ns: 45 * MS,
-        from: WorldNanos(100 * SECOND),
-        until: WorldNanos(160 * SECOND),
+        from: WorldNanos(150 * SECOND),
+        until: WorldNanos(210 * SECOND),
     });
     let mut board = board(firmware, &settings);
-    readings(&mut board, 60);
-    let clocks = readings(&mut board, 240);
+    readings(&mut board, 90);
+    let clocks = readings(&mut board, 290);
     let log = board.take_log().unwrap();
     let (error_ns, uncertainty_ns) = most(&clocks);
     println!("{error_ns} ns, {uncertainty_ns} ns");

@@ -15,7 +15,8 @@ use crate::drivers::card::Card;
 use crate::drivers::led::Led;
 use crate::drivers::pulse::{self, Pulse};
 use crate::drivers::sdio::{Pins, Sdio};
-use crate::drivers::{backup, freeze, time, watchdog};
+use crate::drivers::time::{self, NotStarted};
+use crate::drivers::{backup, freeze, watchdog};
 use crate::lines::{self, Lines};
 use crate::{board, executors, fault, priorities, sample_memory};
 
@@ -58,8 +59,14 @@ pub fn bring_up() -> Hardware {
     let gpioc = chip.GPIOC.split(&mut rcc);
     let gpioe = chip.GPIOE.split(&mut rcc);
 
-    if let Err(refused) = time::start(core.SYST, &mut core.SCB, chip.TIM5, &mut rcc) {
-        panic!("the time did not start: {refused:?}");
+    match time::start(core.SYST, &mut core.SCB, chip.TIM5, &mut rcc) {
+        Ok(()) => {}
+        Err(NotStarted::Priority { wanted, found }) => {
+            panic!("SysTick has priority {found}, not {wanted}")
+        }
+        Err(NotStarted::Ratio { wanted, found }) => {
+            panic!("TIM5 counts {found} in a ms of SysTick, not {wanted}")
+        }
     }
     set_priorities(&mut core.NVIC);
     // SAFETY: every interrupt that is enabled has its handler and its priority.

@@ -27,6 +27,7 @@
 //! [`priorities`](crate::priorities): some µs together. Of edges closer together than the alarms only
 //! the first of each direction is used. The wire carries 3.3 V.
 
+use core::hint::black_box;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use cortex_m::peripheral::NVIC;
@@ -201,10 +202,12 @@ fn TIM4() {
 }
 
 /// When the edge came that started the counter; `None` if that is not clear.
+#[inline(never)]
 fn started_at(tim4: &RegisterBlock) -> Option<Cycles> {
     let reference = time::Reference::new();
     let mut start = Start::UNKNOWN;
-    for _ in 0..READINGS {
+    // Not unrolled: once a second, room matters more.
+    for _ in 0..black_box(READINGS) {
         let ([first, second, third], [one, other]) =
             time::in_turn(|| tim4.cnt().read().cnt().bits());
         let (one, other) = (reference.until(one), reference.until(other));
@@ -217,6 +220,7 @@ fn started_at(tim4: &RegisterBlock) -> Option<Cycles> {
 }
 
 /// Gives an edge to the GNSS task.
+#[inline(never)]
 fn tell(at: Cycles, polarity: Polarity) {
     match EDGES.try_send(PulseEdge { at, polarity }) {
         Ok(()) => count(&QUEUED),

@@ -86,7 +86,7 @@ impl CounterPair for Registers {
 const _: () = assert!(Registers::PERIOD.is_multiple_of(Registers::RATIO));
 
 /// Why the clock did not start.
-#[derive(Clone, Copy, Debug, defmt::Format)]
+#[derive(Clone, Copy)]
 pub enum NotStarted {
     /// SHPR3 does not read back as it was written, for SysTick.
     Priority {

@@ -30,14 +30,14 @@ pub enum EventKind {
     },
     /// The time pulse rises.
     Rise,
-    /// It falls, after it rose at that moment. [ns]
+    /// It falls, after it rose at that moment. \[ns\]
     Fall {
         /// The stamp of its rise.
         rose_ns: i64,
     },
     /// TIM-TP, for the next pulse.
     Forecast {
-        /// How late that pulse will be, where the receiver says so. [ps]
+        /// How late that pulse will be, where the receiver says so. \[ps\]
         late_ps: Option<i32>,
     },
 }

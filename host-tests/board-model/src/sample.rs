@@ -9,7 +9,7 @@ pub struct Sample {
     pub at_ns: i64,
     /// The reading less UTC. \[ns\]
     pub error_ns: i64,
-    /// The uncertainty that the reading stated. [ns]
+    /// The uncertainty that the reading stated. \[ns\]
     pub uncertainty_ns: u64,
     /// Set, or in holdover.
     pub state: ClockState,

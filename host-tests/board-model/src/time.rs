@@ -46,5 +46,5 @@ pub fn nominal_ns(cycles: Cycles) -> i64 {
     i64::try_from(ns).unwrap_or(i64::MAX)
 }
 
-/// How long a receiver's pulse is high, as it was asked for. [ns]
+/// How long a receiver's pulse is high, as it was asked for. \[ns\]
 pub const PULSE_WIDTH_NS: i64 = 100 * MS;

@@ -18,7 +18,7 @@ use utc_clock::{CalendarError, Counters, Reading, Source, UtcNanos};
 const EARLIEST: UtcNanos = UtcNanos(1_234_567_890_000_000_000);
 
 /// It believes any later date, so that a receiver whose weeks have rolled over makes it wrong by as
-/// much: 1024 weeks. [ns]
+/// much: 1024 weeks. \[ns\]
 const UNCERTAINTY_NS: u64 = 1_024 * 7 * 86_400 * 1_000_000_000;
 
 /// The clock that each mark sets.

@@ -13,7 +13,7 @@
 /// The number of bytes that PX4 wants to read at once.
 pub const CHARACTERS: usize = 32;
 
-/// The paper's constant wait (Shim, Joo, Kim 2021, step I). [µs]
+/// The paper's constant wait (Shim, Joo, Kim 2021, step I). \[µs\]
 const CONSTANT_US: u32 = 5_000;
 
 /// The wait between a poll and its read.

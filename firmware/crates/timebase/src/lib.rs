@@ -6,7 +6,7 @@
 //!
 //! - [`Cycles`], 64 bits since boot, and [`Stamp`], its low word, which an interrupt can afford;
 //! - [`tick::CounterPair`], the two hardware counters from which they are read;
-//! - [`TimeMark`] and [`PulseMark`], what the receiver's line and its time pulse give to the clock.
+//! - [`TimeMark`] and [`PulseEdge`], what the receiver's line and its time pulse give to the clock.
 //!
 //! *Design.* [`tick`] extends a 24-bit down-counter (SysTick) to 64 bits, with a second counter of
 //! the same clock (TIM5) as a witness of the ticks that were lost while interrupts were masked.

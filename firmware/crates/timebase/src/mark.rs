@@ -14,7 +14,7 @@ pub struct TimeMark {
     pub arrival: Cycles,
     /// How long the receiver's line had been busy by then without a gap of two byte times; 0 when
     /// it was idle, `u32::MAX` for that long and longer. The message was made after that
-    /// began, so that it waited in the receiver's queue for no longer. [µs]
+    /// began, so that it waited in the receiver's queue for no longer. \[µs\]
     pub busy_us: u32,
     /// The epoch of the solution in the receiver's calendar fields, unchecked.
     pub epoch: CivilTime,
@@ -48,13 +48,13 @@ pub enum Polarity {
 pub struct PulseForecast {
     /// When the first byte of the message had arrived: before the pulse.
     pub arrival: Cycles,
-    /// How long the line had been busy by then, as in [`TimeMark::busy_us`]. [µs]
+    /// How long the line had been busy by then, as in [`TimeMark::busy_us`]. \[µs\]
     pub busy_us: u32,
     /// By how much the pulse will come after the second that it stands for,
     /// because the receiver can only make it at an edge of its own clock (−`qErr`);
-    /// `None` where the receiver calls its `qErr` invalid (flags, bit 4). [ps]
+    /// `None` where the receiver calls its `qErr` invalid (flags, bit 4). \[ps\]
     pub late_ps: Option<i32>,
-    /// Time of week of the pulse in the base that `is_utc_base` names (`towMS`). [ms]
+    /// Time of week of the pulse in the base that `is_utc_base` names (`towMS`). \[ms\]
     pub tow_ms: u32,
     /// Week of the pulse in the same base.
     pub week: u16,
@@ -70,13 +70,13 @@ pub struct PulseForecast {
 pub struct LeapSeconds {
     /// When the first byte of the message had arrived.
     pub arrival: Cycles,
-    /// How long the line had been busy by then, as in [`TimeMark::busy_us`]. [µs]
+    /// How long the line had been busy by then, as in [`TimeMark::busy_us`]. \[µs\]
     pub busy_us: u32,
     /// `srcOfCurrLs`: 0 the firmware, 1 GPS and GLONASS compared, 2 GPS, 3 SBAS, 4 BeiDou,
     /// 5 Galileo, 6 aided, 7 configured, 8 NavIC, 255 unknown.
     pub source: u8,
     /// `currLs`: GPS time less UTC; `None` where the receiver does not call it valid
-    /// (valid, bit 0). [s]
+    /// (valid, bit 0). \[s\]
     pub count: Option<i8>,
     /// The next event, or the last one; `None` where the receiver does not call it valid
     /// (valid, bit 1).
@@ -89,7 +89,7 @@ pub struct LeapEvent {
     /// `lsChange`: +1 for a second 60, −1 for a minute without its second 59, 0 for none.
     pub change: i8,
     /// `timeToLsEvent`: to the begin of second 60; below 0 it is over. Receivers differ
-    /// by 1 s. [s]
+    /// by 1 s. \[s\]
     pub in_s: i32,
 }
 

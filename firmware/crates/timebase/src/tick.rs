@@ -76,7 +76,7 @@ pub trait CounterPair {
 ///
 /// Both counters run already. The time between the start of one and the start of the other is
 /// measured here, once, and cancels in every reading. The witness is read last, and so shows less than
-/// the time that has passed, by what the reading takes; [`margin`] makes that more, so that a tick is due
+/// the time that has passed, by what the reading takes; `margin` makes that more, so that a tick is due
 /// by the witness whatever the bus takes in the interrupt and here.
 #[inline]
 pub fn start<C: CounterPair>(counters: &C) {

@@ -45,7 +45,7 @@ const HOLDOVER_AFTER: u64 = 2 * CORE_HZ as u64;
 /// One mark may be lost, and the next be late. In halves of a period.
 const HOLDOVER_HALF_PERIODS: u64 = 7;
 
-/// A receiver that speaks more seldom than each 3 s is one that is silent. [cycles]
+/// A receiver that speaks more seldom than each 3 s is one that is silent. \[cycles\]
 const LONGEST_PERIOD: u64 = 3 * CORE_HZ as u64;
 
 /// From pulse to pulse is a second; without the next one the line is told anew after so long, in
@@ -81,7 +81,7 @@ const CYCLES_PER_MS: u64 = CORE_HZ as u64 / 1_000;
 /// Cycles in which [`UtcClock::MAX_SLEW`] absorbs one ns.
 const CYCLES_PER_NS_AT_MAX_SLEW: u64 = CORE_HZ as u64 / UtcClock::MAX_SLEW.0 as u64;
 
-/// A clock that may be farther off has lost its second. [ns]
+/// A clock that may be farther off has lost its second. \[ns\]
 const LOST_SECOND_NS: u64 = 500_000_000;
 
 /// The clock that marks and pulses steer.
@@ -99,7 +99,7 @@ pub struct UtcClock<'a> {
     slew_ends: Cycles,
     /// What is still to be absorbed when a slew begins, in ns: uncertainty, until it ends.
     unabsorbed_ns: u32,
-    /// So much of that the slew absorbs until it ends. [ns]
+    /// So much of that the slew absorbs until it ends. \[ns\]
     absorbs_ns: u32,
     uncertainty: Uncertainty,
     latency_uncertainty_ns: u32,
@@ -169,7 +169,7 @@ impl<'a> UtcClock<'a> {
         }
     }
 
-    /// Takes a mark, at most [`MAX_AGE`] after its arrival.
+    /// Takes a mark, at most 10 s after its arrival.
     #[inline(never)] // Five times a second: it may be small.
     pub fn handle_mark(&mut self, mark: &TimeMark, now: Cycles) -> Outcome {
         let outcome = match self.admit(mark, now) {
@@ -184,7 +184,7 @@ impl<'a> UtcClock<'a> {
         outcome
     }
 
-    /// Takes an edge of the pulse's wire, at most [`MAX_AGE`] after it.
+    /// Takes an edge of the pulse's wire, at most 10 s after it.
     #[inline(never)] // The bench counts its calls.
     pub fn handle_edge(&mut self, edge: &PulseEdge, now: Cycles) -> PulseOutcome {
         let outcome = self.follow_edge(edge, now);
@@ -210,7 +210,7 @@ impl<'a> UtcClock<'a> {
     }
 
     /// The receiver has acknowledged that its pulse is high for `width_us` from the top of the
-    /// second on; `None` while it has acknowledged none, so that no pulse is its. [µs]
+    /// second on; `None` while it has acknowledged none, so that no pulse is its. \[µs\]
     pub fn handle_pulse_width(&mut self, width_us: Option<u32>) {
         self.discipline.handle_pulse_width(width_us);
     }

@@ -28,53 +28,53 @@ use crate::track::{PulseTrack, nearest_second};
 use crate::train::{CrystalKnown, EdgeHeard, Trains};
 use crate::utc::{Ppb, UtcNanos};
 
-/// A mark that waited longer than this behind other messages teaches the floor nothing. [µs]
+/// A mark that waited longer than this behind other messages teaches the floor nothing. \[µs\]
 const PROMPT_US: u32 = 20_000;
 
-/// One that waited longer than this does not even number a pulse. [µs]
+/// One that waited longer than this does not even number a pulse. \[µs\]
 const NUMBERS_US: u32 = 300_000;
 
 /// Where every mark has, and nothing better is known, it may have waited for so long and still name
-/// its second. [µs]
+/// its second. \[µs\]
 const SETS_US: u32 = 450_000;
 
-/// Where every mark has waited for so long, those that waited least are heard. [cycles] 10 s
+/// Where every mark has waited for so long, those that waited least are heard. \[cycles\] 10 s
 const ALL_WAITED: u64 = 10 * CORE_HZ as u64;
 
-/// Those that waited longer than the least by no more than this. [µs]
+/// Those that waited longer than the least by no more than this. \[µs\]
 const LEAST_WAIT_US: u32 = 5_000;
 
-/// The receiver's own accuracy must be so good for its pulse to be proved. [ns]
+/// The receiver's own accuracy must be so good for its pulse to be proved. \[ns\]
 const PROOF_T_ACC_NS: u32 = 1_000;
 
-/// A floor is no farther off than jitter is wide: 91 ms were measured (LEA-M8T at 9600 baud). [ns]
+/// A floor is no farther off than jitter is wide: 91 ms were measured (LEA-M8T at 9600 baud). \[ns\]
 const MOST_JITTER_NS: f32 = 91e6;
 
-/// A set clock that may be farther off than this does not know its second any more. [ns]
+/// A set clock that may be farther off than this does not know its second any more. \[ns\]
 const NUMBERED_NS: f32 = 450e6;
 
 /// Latencies that a receiver can have where none is known: a pulse is numbered so that the
-/// messages are late by this. None measured was longer than 185 ms. [ns]
+/// messages are late by this. None measured was longer than 185 ms. \[ns\]
 const LATENCIES_NS: core::ops::RangeInclusive<i64> = -100_000_000..=500_000_000;
-/// Half of the way from the least to the greatest. [ns]
+/// Half of the way from the least to the greatest. \[ns\]
 const MIDDLE_LATENCY_NS: i64 = 200_000_000;
 
 /// A train is the one that was followed before when it is no farther from its line than the line's
-/// uncertainty and this. [ns]
+/// uncertainty and this. \[ns\]
 const SAME_TRAIN_NS: f32 = 2_000.0;
-/// An edge is not seen where a pulse is expected just because nobody knows where that is. [ns]
+/// An edge is not seen where a pulse is expected just because nobody knows where that is. \[ns\]
 const MOST_DOOR_NS: f32 = 20_000.0;
-/// Another one has to outlast it by so long while it is there, and when it is not. [s]
+/// Another one has to outlast it by so long while it is there, and when it is not. \[s\]
 const OUTLASTS_S: f32 = 120.0;
 const OUTLASTS_HOLDOVER_S: f32 = 60.0;
-/// And at the crystal's frequency to so much. [ppb]
+/// And at the crystal's frequency to so much. \[ppb\]
 const OUTLASTS_PPB: f32 = 500.0;
 
-/// Without a pulse for so long the clock is not on one any more. [s]
+/// Without a pulse for so long the clock is not on one any more. \[s\]
 const PULSE_LASTS_S: f32 = 10.0;
 
 /// A frequency that is learnt in minutes lags behind a crystal that drifts by 1 ppm a minute:
-/// two minutes' worth. [ppb]
+/// two minutes' worth. \[ppb\]
 const LAG_PPB: f32 = 2_000.0;
 
 /// Each mark's part in the latency that is learnt: 13 s at 5 Hz.
@@ -84,7 +84,7 @@ const LEARNING: i64 = 64;
 /// messages and those of the pulse.
 const ABSORB_MS: (u32, u32) = (1_000, 250);
 /// One mark is believed for no longer than marks may stay away, a proved pulse for as long as it
-/// takes to slew what is not stepped. [cycles] 2 s, 20 s
+/// takes to slew what is not stepped. \[cycles\] 2 s, 20 s
 const LONGEST_SLEW: (u64, u64) = (2 * CORE_HZ as u64, 20 * CORE_HZ as u64);
 
 // The estimators, with all that they remember: no more than a small board can spare.
@@ -98,7 +98,7 @@ pub struct Observation {
     /// UTC at its arrival as the clock had it.
     pub published: UtcNanos,
     /// How far off the clock may have been then, its second's number apart; none while
-    /// it is unset. [ns]
+    /// it is unset. \[ns\]
     pub uncertainty_ns: Option<f32>,
 }
 
@@ -114,7 +114,7 @@ pub struct Course {
     /// How far the receiver's latency may be from the one that is corrected, or its pulse
     /// from UTC, in ns.
     pub latency_uncertainty_ns: u32,
-    /// How far the frequency may be off beside that if nothing follows. [ppb]
+    /// How far the frequency may be off beside that if nothing follows. \[ppb\]
     pub turned_ppb: f32,
     /// In how many ms the error is to be absorbed, if that is not too fast.
     pub absorb_ms: u32,
@@ -131,7 +131,7 @@ pub enum Correction {
     First(Course),
     /// Step by the error; the clock is wrong beyond uncertainty.
     Step(Course),
-    /// The second has another number: step by so much, and go on as before. [ns]
+    /// The second has another number: step by so much, and go on as before. \[ns\]
     Renumber(i64),
     /// Go on as before: the mark confirms a better source, or the pulse waits for others.
     Nothing,
@@ -142,9 +142,9 @@ pub enum Correction {
 struct Followed {
     track: PulseTrack,
     train: u8,
-    /// The second that its last pulse marks, in the discipline's scale. [ns]
+    /// The second that its last pulse marks, in the discipline's scale. \[ns\]
     second_ns: i64,
-    /// When an edge last rose where its pulse is expected, whatever became of it. [ns]
+    /// When an edge last rose where its pulse is expected, whatever became of it. \[ns\]
     seen_ns: u64,
 }
 
@@ -156,14 +156,14 @@ pub struct Discipline {
     trains: Trains,
     drift_guard: DriftGuard,
     followed: Option<Followed>,
-    /// The discipline's scale less UTC. [ns]
+    /// The discipline's scale less UTC. \[ns\]
     shift_ns: i64,
     is_set: bool,
     /// The clock has followed a line that was not fresh.
     has_settled: bool,
     latency_ns: i64,
     latency_uncertainty_ns: u32,
-    /// The least latency that may be corrected. [ns]
+    /// The least latency that may be corrected. \[ns\]
     base_latency_ns: i64,
     is_latency_learnt: bool,
     pulse_uncertainty_ns: u32,
@@ -179,11 +179,11 @@ pub struct Discipline {
 struct Waits {
     /// When one last had not waited.
     prompt_at: Cycles,
-    /// The least of the last [`ALL_WAITED`], of those before, and when that began. [µs]
+    /// The least of the last [`ALL_WAITED`], of those before, and when that began. \[µs\]
     least_us: u32,
     least_before_us: u32,
     since: Cycles,
-    /// What the floor's marks have waited. [µs]
+    /// What the floor's marks have waited. \[µs\]
     floor_us: u32,
 }
 
@@ -261,7 +261,7 @@ impl Discipline {
         self.second.handle_leap_seconds(told, utc);
     }
 
-    /// The receiver has acknowledged a pulse of that width, or has not. [µs]
+    /// The receiver has acknowledged a pulse of that width, or has not. \[µs\]
     pub(crate) fn handle_pulse_width(&mut self, width_us: Option<u32>) {
         self.trains.handle_width(width_us);
     }
@@ -478,7 +478,7 @@ impl Discipline {
         };
     }
 
-    /// How far the messages' word may be off at least. [ns]
+    /// How far the messages' word may be off at least. \[ns\]
     fn message_uncertainty_ns(&self) -> f32 {
         self.latency_uncertainty_ns as f32
     }

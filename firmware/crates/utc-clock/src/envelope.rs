@@ -53,26 +53,26 @@ pub const TOO_EARLY_NS: i32 = -12_000_000;
 const NEAR_NS: i32 = 20_000_000;
 
 /// For so long after its start a line is fresh: its first marks may have been late or
-/// early, and a few others are enough to say so. [s]
+/// early, and a few others are enough to say so. \[s\]
 const FRESH_S: f32 = 20.0;
 /// A mark that is farther below a fresh line is a wrong label unless a second one says the same;
-/// so is the first mark when those that follow are so far above it. [ns]
+/// so is the first mark when those that follow are so far above it. \[ns\]
 const ALONE_NS: i32 = 15_000_000;
 /// So many marks above it, and none beside it, are enough. A second of a 5 Hz receiver.
 const ALL_ABOVE: u8 = 5;
 /// So many in a row, when a few were beside it.
 const MOST_ABOVE: u8 = 10;
-/// Two early marks say the same within so long. [s]
+/// Two early marks say the same within so long. \[s\]
 const AGREEING_S: f32 = 10.0;
 
 /// Marks that are too early for so long, without a pause of [`AGREEING_S`], say that the floor
-/// has moved: longer than labels were seen to be wrong. [s]
+/// has moved: longer than labels were seen to be wrong. \[s\]
 const EARLIER_AFTER_S: f32 = 75.0;
 /// Without a mark so near to the line for so long, it has: longer than a queue of 0.1 s was seen to
-/// stand (`k5`, 160 s). [s]
+/// stand (`k5`, 160 s). \[s\]
 const LATER_AFTER_S: f32 = 240.0;
 /// Where a pulse, or the crystal as a pulse has left it, knows better, both are soon believed, for
-/// nothing but the latency is learnt from it. Labels were seen to be wrong for a minute. [s]
+/// nothing but the latency is learnt from it. Labels were seen to be wrong for a minute. \[s\]
 const KNOWN_AFTER_S: f32 = 75.0;
 
 /// Marks that stay away for so long teach nothing any more, in s.
@@ -110,7 +110,7 @@ const FIRST_SLOPE_WORTH_S: f32 = 8.0;
 /// So many points are looked at for one mark when the level is sought.
 const LEVEL_AT_ONCE: usize = 15;
 
-/// How well a frequency is known that was learnt wrong. [ppb]
+/// How well a frequency is known that was learnt wrong. \[ppb\]
 const LOST_PPB: f32 = 50_000.0;
 
 /// The frequency's variance while the floor wanders, in ppb².
@@ -124,7 +124,7 @@ const TWO_HALVES: f32 = 2.0 * core::f32::consts::SQRT_2;
 const BEYOND_WANDER_NS: f32 = 20e6;
 /// For so long the frequency is young: it may move as far as its doubt allows.
 const YOUNG_S: f32 = 120.0;
-/// Afterwards by so much a bin at most: 4.8 ppm a minute where a crystal drifts by 1. [ppb]
+/// Afterwards by so much a bin at most: 4.8 ppm a minute where a crystal drifts by 1. \[ppb\]
 const MOST_STEP_PPB: f32 = 160.0;
 /// Or by so much of its standard deviation, where jitter leaves it that wide.
 const MOST_STEP_SIGMAS: f32 = 0.25;

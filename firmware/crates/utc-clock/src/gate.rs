@@ -18,11 +18,11 @@ use crate::refusal::Refusal;
 use crate::utc::UtcNanos;
 
 /// The greatest tAcc that passes. Good marks of real receivers have 16 ns to 4.4 µs;
-/// a receiver that is still resolving its time has ms or none. [ns]
+/// a receiver that is still resolving its time has ms or none. \[ns\]
 const MAX_T_ACC_NS: u32 = 100_000;
 
 /// Dates are believed within 1024 weeks of the floor, after which a GPS week number begins
-/// anew. [ns]
+/// anew. \[ns\]
 const WEEKS_1024_NS: i64 = 1_024 * 7 * 86_400 * 1_000_000_000;
 
 /// Judges marks by what they say of themselves.

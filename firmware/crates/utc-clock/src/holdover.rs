@@ -13,15 +13,15 @@ use timebase::{CORE_HZ, Cycles};
 
 use crate::utc::Ppb;
 
-/// The fastest drift of a crystal: 1 ppm a minute. [ppb/s]
+/// The fastest drift of a crystal: 1 ppm a minute. \[ppb/s\]
 pub(crate) const DRIFT_PPB_PER_S: f32 = 1_000.0 / 60.0;
 
 /// So far a crystal can be off, with the room that a learner needs: three boards were measured at
-/// +37, +37 and +44 ppm. [ppb]
+/// +37, +37 and +44 ppm. \[ppb\]
 pub(crate) const CRYSTAL_PPB: f32 = 110_000.0;
 
 /// ±50 ppm over its range of temperature: three such boards were measured at +37, +37 and
-/// +44 ppm. [ppb]
+/// +44 ppm. \[ppb\]
 const SPECIFICATION_PPB: f32 = 50_000.0;
 
 /// The rate that makes up for a crystal that is `crystal_ppb` fast: the sign changes here and in
@@ -31,7 +31,7 @@ pub(crate) fn rate(crystal_ppb: f32) -> Ppb {
     Ppb(-libm::rintf(crystal_ppb) as i32)
 }
 
-/// By how much a crystal is fast that a clock of this rate makes up for. [ppb]
+/// By how much a crystal is fast that a clock of this rate makes up for. \[ppb\]
 pub(crate) const fn crystal_ppb(rate: Ppb) -> f32 {
     -(rate.0 as f32)
 }
@@ -41,14 +41,14 @@ pub(crate) const fn crystal_ppb(rate: Ppb) -> f32 {
 pub struct Uncertainty {
     /// The moment.
     pub at: Cycles,
-    /// How far the clock may be off then. [ns]
+    /// How far the clock may be off then. \[ns\]
     pub phase_ns: f32,
-    /// How far its frequency may be off. [ppb]
+    /// How far its frequency may be off. \[ppb\]
     pub frequency_ppb: f32,
 }
 
 impl Uncertainty {
-    /// How far the clock may be off at `when`. [ns]
+    /// How far the clock may be off at `when`. \[ns\]
     #[must_use]
     pub fn at(&self, when: Cycles) -> f32 {
         let s = when.since(self.at) as f32 * (1.0 / CORE_HZ as f32);

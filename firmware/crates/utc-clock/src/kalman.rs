@@ -18,7 +18,7 @@ pub(crate) struct Noise {
     pub(crate) frequency_walk: f32,
     /// The drift's variance. [(ppb/s)²]
     pub(crate) drift_variance: f32,
-    /// The time constant with which the drift forgets itself. [s]
+    /// The time constant with which the drift forgets itself. \[s\]
     pub(crate) drift_time_s: f32,
     /// A measurement's variance. [ns²]
     pub(crate) measurement: f32,
@@ -124,7 +124,7 @@ impl Kalman {
         };
     }
 
-    /// Nothing better is known of the drift than so. [ppb/s]
+    /// Nothing better is known of the drift than so. \[ppb/s\]
     pub(crate) fn open_drift(&mut self, deviation_ppb_per_s: f32) {
         let variance = deviation_ppb_per_s * deviation_ppb_per_s;
         self.covariance.dd = self.covariance.dd.max(variance);
@@ -135,12 +135,12 @@ impl Kalman {
         self.phase_ns -= ns;
     }
 
-    /// The standard deviation of the phase. [ns]
+    /// The standard deviation of the phase. \[ns\]
     pub(crate) fn phase_deviation_ns(&self) -> f32 {
         libm::sqrtf(self.covariance.pp.max(0.0))
     }
 
-    /// The standard deviation of the frequency. [ppb]
+    /// The standard deviation of the frequency. \[ppb\]
     pub(crate) fn frequency_deviation_ppb(&self) -> f32 {
         libm::sqrtf(self.covariance.ff.max(0.0))
     }

@@ -28,7 +28,7 @@ pub(crate) const SECOND_NS: i64 = 1_000_000_000;
 /// that tells fewer does not know.
 pub(crate) const RELEASED_COUNT: i8 = 18;
 
-/// While the number is open it may be off by all leap seconds there were. [ns]
+/// While the number is open it may be off by all leap seconds there were. \[ns\]
 const OPEN_NS: u64 = 18 * SECOND_NS as u64;
 
 /// So many marks vote, of which four fifths have to agree.
@@ -43,24 +43,24 @@ const AGREEING: u8 = 3;
 /// A contradiction that has stood for so long is right.
 const STANDS_S: u64 = 300;
 
-/// A mark is late by up to this when it names the right second. [ns]
+/// A mark is late by up to this when it names the right second. \[ns\]
 const LATE_NS: i64 = 750_000_000;
 
-/// A residual less its whole seconds lies in here when it is whole: lateness is one-sided. [ns]
+/// A residual less its whole seconds lies in here when it is whole: lateness is one-sided. \[ns\]
 const WHOLE_NS: core::ops::RangeInclusive<i64> = -400_000_000..=150_000_000;
 
-/// A mark that is farther from the clock is none of this second. [ns]
+/// A mark that is farther from the clock is none of this second. \[ns\]
 const NEAR_NS: u64 = 700_000_000;
 
-/// From one question for NAV-TIMELS to the next, until the count is believed and afterwards. [s]
+/// From one question for NAV-TIMELS to the next, until the count is believed and afterwards. \[s\]
 const ASK_S: u64 = 10;
 const ASK_RESOLVED_S: u64 = 600;
 
-/// An event is asked about, and awaited, from so long before it to so long after. [s]
+/// An event is asked about, and awaited, from so long before it to so long after. \[s\]
 const EVENT_S: i64 = 120;
-/// An event further away is only noted, for the answers to come. [s]
+/// An event further away is only noted, for the answers to come. \[s\]
 const EVENT_NEAR_S: i64 = 40_000;
-/// `timeToLsEvent` may be off by so much. [s]
+/// `timeToLsEvent` may be off by so much. \[s\]
 const EVENT_OFF_S: i64 = 5;
 
 const DAY_S: i64 = 86_400;
@@ -80,7 +80,7 @@ pub(crate) enum Judged {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Event {
     change: i8,
-    /// What the clock reads when it is due to step. [ns]
+    /// What the clock reads when it is due to step. \[ns\]
     due: UtcNanos,
 }
 
@@ -139,7 +139,7 @@ impl Second {
         self.is_proved && !self.is_contradicted()
     }
 
-    /// How far the number may be off. [ns]
+    /// How far the number may be off. \[ns\]
     pub(crate) fn uncertainty_ns(&self) -> u64 {
         let open = if self.is_proved { 0 } else { OPEN_NS };
         match self.contradiction {

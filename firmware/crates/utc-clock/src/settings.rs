@@ -5,7 +5,7 @@
 use crate::utc::{Ppb, UtcNanos};
 
 /// How far a latency that was learnt under the pulse may be off afterwards: 10 ms, by which the
-/// floors of real receivers wander. [ns]
+/// floors of real receivers wander. \[ns\]
 pub(crate) const LEARNT_UNCERTAINTY_NS: u32 = 10_000_000;
 
 /// What a clock is told about its receiver and its crystal.
@@ -17,10 +17,11 @@ pub struct Settings {
     /// in common cancels between them. \[ns\]
     pub latency_ns: u32,
     /// How far off that may be. As long as the latency is taken for 0: 150 ms, for ArduPilot
-    /// assumes 120 ms for the latency of an M8, and floors move. [ns]
+    /// assumes 120 ms for the latency of an M8, and floors move. \[ns\]
     pub latency_uncertainty_ns: u32,
     /// How far the receiver's pulse may be from UTC beyond what its own noise shows: the antenna's
-    /// cable has 5 ns a metre, and two receivers were 35 ns apart. [ns]
+    /// cable has 5 ns a metre, and two receivers were 35 ns apart; and how far the filters are behind a
+    /// ramp of 1 ppm a minute that turns round, before an innovation shows it. \[ns\]
     pub pulse_uncertainty_ns: u32,
     /// The count of leap seconds, where nothing tells it: recordings without NAV-TIMELS. `None`:
     /// the receiver has to prove it.

@@ -53,7 +53,7 @@ const UNBIASED: f32 = 0.5;
 /// round, the mean passes through 0.
 const LAGS_FOR: u8 = 20;
 
-/// Where the crystal is steady, the two filters are not farther apart a second later. [ns]
+/// Where the crystal is steady, the two filters are not farther apart a second later. \[ns\]
 const APART_NS: f32 = 32.0;
 /// Beyond that the quiet one may be off by so many times the distance.
 const APART_WORTH: f32 = 1.5;
@@ -81,10 +81,10 @@ const MOST_LAG_NS: f32 = 20.0;
 /// Beyond so many the quiet filter lags, too, and is not asked for so many pulses at least.
 const QUIET_LAGGING: f32 = 1.4;
 const TURNS_FOR: u8 = 5;
-/// When it lags, nothing better is known of the drift than this; 1 ppm a minute is 16.7. [ppb/s]
+/// When it lags, nothing better is known of the drift than this; 1 ppm a minute is 16.7. \[ppb/s\]
 const TURN_PPB_PER_S: f32 = 15.0;
 
-/// A drift of 1 ppm a minute that has just turned round, before an innovation shows it. [ppb]
+/// A drift of 1 ppm a minute that has just turned round, before an innovation shows it. \[ppb\]
 const TURNED_PPB: f32 = 120.0;
 
 /// A train of pulses and the crystal.
@@ -96,12 +96,12 @@ pub(crate) struct PulseTrack {
     lags_for: u8,
     bias: f32,
     surprise_ns: f32,
-    /// The mean of the ramping filter's last innovations. [ns]
+    /// The mean of the ramping filter's last innovations. \[ns\]
     lag_ns: f32,
-    /// How far the phase may be off for that. [ns]
+    /// How far the phase may be off for that. \[ns\]
     lagging_ns: f32,
     /// The last pulse that fitted, less what the receiver says it was late, by the
-    /// board's counter; the filters' phases are relative to it. [ns]
+    /// board's counter; the filters' phases are relative to it. \[ns\]
     edge_ns: u64,
 }
 
@@ -134,12 +134,12 @@ impl PulseTrack {
         }
     }
 
-    /// The last pulse that fitted, by the board's counter. [ns]
+    /// The last pulse that fitted, by the board's counter. \[ns\]
     pub(crate) const fn edge_ns(&self) -> u64 {
         self.edge_ns
     }
 
-    /// From the last pulse to a time of the board's counter. [s]
+    /// From the last pulse to a time of the board's counter. \[s\]
     pub(crate) fn since_s(&self, local_ns: u64) -> f32 {
         local_ns.wrapping_sub(self.edge_ns).cast_signed() as f32 * 1e-9
     }
@@ -152,18 +152,18 @@ impl PulseTrack {
         }
     }
 
-    /// By how much the crystal is fast. [ppb]
+    /// By how much the crystal is fast. \[ppb\]
     pub(crate) const fn crystal_ppb(&self) -> f32 {
         self.filter().frequency_ppb
     }
 
     /// How far that may be off until the next pulse: a part of it is the phase's uncertainty,
-    /// which was at its worst when the frequency was. [ppb]
+    /// which was at its worst when the frequency was. \[ppb\]
     pub(crate) fn frequency_uncertainty_ppb(&self) -> f32 {
         NEXT_SIGMAS * self.filter().frequency_deviation_ppb()
     }
 
-    /// True time from the last pulse's second to a time of the board's counter. [ns]
+    /// True time from the last pulse's second to a time of the board's counter. \[ns\]
     pub(crate) fn elapsed_ns(&self, local_ns: u64) -> i64 {
         let since_ns = local_ns.wrapping_sub(self.edge_ns).cast_signed();
         let filter = self.filter();
@@ -171,7 +171,7 @@ impl PulseTrack {
         since_ns.saturating_sub(libm::rintf(ahead_ns) as i64)
     }
 
-    /// How far [`Self::elapsed_ns`] may be off. [ns]
+    /// How far [`Self::elapsed_ns`] may be off. \[ns\]
     pub(crate) fn uncertainty_ns(&self, local_ns: u64) -> f32 {
         let since_s = self.since_s(local_ns);
         self.phase_uncertainty_ns()
@@ -180,14 +180,14 @@ impl PulseTrack {
     }
 
     /// How far the frequency may be off beside that when pulses stay away: the filters may lag
-    /// behind a crystal. [ppb]
+    /// behind a crystal. \[ppb\]
     pub(crate) fn turned_ppb(&self) -> f32 {
         let apart_ppb = self.filter().frequency_ppb - self.ramping.frequency_ppb;
         let sigmas = UNCERTAIN_SIGMAS - NEXT_SIGMAS;
         apart_ppb.abs() + TURNED_PPB + sigmas * self.filter().frequency_deviation_ppb()
     }
 
-    /// How far the phase may be off at the last pulse. [ns]
+    /// How far the phase may be off at the last pulse. \[ns\]
     pub(crate) fn phase_uncertainty_ns(&self) -> f32 {
         let quiet_ns = if self.lags_for > 0 {
             0.0

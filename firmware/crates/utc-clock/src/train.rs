@@ -25,27 +25,27 @@ use crate::track::{Fit, PulseTrack};
 /// So many trains are kept.
 const TRAINS: usize = 6;
 
-/// A pulse may be wider or narrower than configured by so much. [cycles] 2 ms
+/// A pulse may be wider or narrower than configured by so much. \[cycles\] 2 ms
 const WIDTH_OFF: u64 = 2 * (CORE_HZ as u64 / 1_000);
 
 /// So many pulses on end prove a train.
 pub(crate) const PROOF: u8 = 8;
 
-/// A TIM-TP is about the next pulse, and so not older than this. [cycles] 1.3 s
+/// A TIM-TP is about the next pulse, and so not older than this. \[cycles\] 1.3 s
 const FORECAST_LASTS: u64 = CORE_HZ as u64 / 10 * 13;
-/// A train that is proved stays so without TIM-TP for so long: a queue may hold it up. [cycles] 10 s
+/// A train that is proved stays so without TIM-TP for so long: a queue may hold it up. \[cycles\] 10 s
 const SILENCE_LASTS: u64 = 10 * CORE_HZ as u64;
-/// Another train was there so lately. [s]
+/// Another train was there so lately. \[s\]
 const ALONE_S: f32 = 5.0;
-/// A train without a pulse for so long is over. [s]
+/// A train without a pulse for so long is over. \[s\]
 const OVER_S: f32 = 10.0;
 
-/// TIM-TP that waited longer than so is about another pulse. [µs]
+/// TIM-TP that waited longer than so is about another pulse. \[µs\]
 const WAITED_US: u32 = 300_000;
-/// No tick of a u-blox receiver is longer: M8 21 ns, F9T 8 ns. [ps]
+/// No tick of a u-blox receiver is longer: M8 21 ns, F9T 8 ns. \[ps\]
 const MOST_LATE_PS: i32 = 50_000;
 
-/// So far beside its track a pulse may be and still belong to its train: [ns]
+/// So far beside its track a pulse may be and still belong to its train: \[ns\]
 const DOOR_NS: f32 = 3_000.0;
 /// So many on end that are beside the track begin a new one.
 const MISFITS: u8 = 3;
@@ -54,7 +54,7 @@ const MISFITS: u8 = 3;
 #[derive(Clone, Copy, Debug)]
 struct Train {
     track: PulseTrack,
-    /// Of the first pulse. [ns]
+    /// Of the first pulse. \[ns\]
     since_ns: u64,
     pulses: u8,
     proof: u8,
@@ -74,13 +74,13 @@ struct Rise {
 pub(crate) enum EdgeHeard {
     /// It is a part of a pulse, or the first of a train.
     Noted,
-    /// A pulse of a train that is proved, with the begin of that. [ns]
+    /// A pulse of a train that is proved, with the begin of that. \[ns\]
     Proved {
         /// The train's track, this pulse in it.
         track: PulseTrack,
         /// Which train.
         train: u8,
-        /// For how long it has been steady. [s]
+        /// For how long it has been steady. \[s\]
         steady_s: f32,
         /// When it rose.
         rise: Cycles,
@@ -92,9 +92,9 @@ pub(crate) enum EdgeHeard {
 /// What is known of the crystal.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CrystalKnown {
-    /// By how much it is fast. [ppb]
+    /// By how much it is fast. \[ppb\]
     pub(crate) crystal_ppb: f32,
-    /// How far that may be off. [ppb]
+    /// How far that may be off. \[ppb\]
     pub(crate) uncertainty_ppb: f32,
 }
 
@@ -102,7 +102,7 @@ pub(crate) struct CrystalKnown {
 #[derive(Clone, Debug)]
 pub(crate) struct Trains {
     trains: [Option<Train>; TRAINS],
-    /// The width that the receiver was asked for and has acknowledged. [cycles]
+    /// The width that the receiver was asked for and has acknowledged. \[cycles\]
     width: Option<u64>,
     rise: Option<Rise>,
     forecast: Option<PulseForecast>,
@@ -122,7 +122,7 @@ impl Trains {
         }
     }
 
-    /// The receiver has acknowledged a pulse of that width, or its pulse is nobody's. [µs]
+    /// The receiver has acknowledged a pulse of that width, or its pulse is nobody's. \[µs\]
     pub(crate) fn handle_width(&mut self, width_us: Option<u32>) {
         let width = width_us.map(|us| Cycles::from_micros(us.into()).0);
         if width != self.width {
@@ -278,7 +278,7 @@ impl Trains {
         }
     }
 
-    /// By how much the receiver says that this pulse is late. [ns]
+    /// By how much the receiver says that this pulse is late. \[ns\]
     fn late_ns(&mut self, rise: Cycles) -> i32 {
         let Some(forecast) = self.forecast.take() else {
             return 0;

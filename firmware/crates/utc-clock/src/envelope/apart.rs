@@ -14,7 +14,7 @@
 use super::elapsed_s;
 use crate::holdover::CRYSTAL_PPB;
 
-/// A floor that has moved stands: over half of the time its lowest marks go away by no more. [ns]
+/// A floor that has moved stands: over half of the time its lowest marks go away by no more. \[ns\]
 const STANDS_NS: i32 = 2_000_000;
 
 /// Marks on one side of the line.
@@ -22,7 +22,7 @@ const STANDS_NS: i32 = 2_000_000;
 pub(super) struct Apart {
     since_us: u64,
     last_us: u64,
-    /// The least excess of the first half of the time, and of the second. [ns]
+    /// The least excess of the first half of the time, and of the second. \[ns\]
     first_ns: i32,
     second_ns: i32,
     /// It did not stand the time before.
@@ -34,7 +34,7 @@ pub(super) struct Apart {
 pub(super) enum Standing {
     /// Where it was, as far as is known.
     Unmoved,
-    /// So far above the line, or below. [ns]
+    /// So far above the line, or below. \[ns\]
     At(i32),
     /// Nowhere along the line, whose frequency is wrong.
     Drifted,
@@ -52,17 +52,17 @@ impl Apart {
         }
     }
 
-    /// For how long there have been such marks. [s]
+    /// For how long there have been such marks. \[s\]
     pub(super) fn lasts_s(&self, at_us: u64) -> f32 {
         elapsed_s(at_us, self.since_us)
     }
 
-    /// Since the last of them. [s]
+    /// Since the last of them. \[s\]
     pub(super) fn pause_s(&self, at_us: u64) -> f32 {
         elapsed_s(at_us, self.last_us)
     }
 
-    /// The lowest of them. [ns]
+    /// The lowest of them. \[ns\]
     pub(super) fn lowest_ns(&self) -> i32 {
         self.first_ns.min(self.second_ns)
     }

@@ -26,7 +26,7 @@ const AT_ONCE: usize = 12;
 const FULL_S: f32 = 480.0;
 
 /// A floor that rises by more over the ring is on its way to somewhere else, as no crystal's is: 125 ppm.
-/// [ns]
+/// \[ns\]
 const BEYOND_CRYSTALS_NS: f32 = 60e6;
 
 /// The slow frequency averages so many opinions of a full ring: 50 minutes of them.

@@ -23,8 +23,9 @@ const MAX_NS: i64 = MS;
 const P99_NS: i64 = 400 * US;
 /// What that makes of the frequency over half a window.
 const FREQUENCY_PPB: f64 = 16_000.0;
-/// A floor that has moved is known by the crystal of four minutes, to 16 ppm.
-const MOVED_NS: i64 = 240 * 16 * US;
+/// After a floor has moved the clock is within the receiver's floor and so much: what `integrity`
+/// demands of a clock without a pulse.
+const MOVED_NS: i64 = 30 * MS;
 /// What a crystal within ±50 ppm can do: a receiver is believed to drift that fast.
 const BELIEVED_PPB: f64 = 50_000.0;
 /// The same in ten minutes, and floors that wander by 10 ms to either side: a receiver is

@@ -13,6 +13,7 @@ mod ci;
 mod clients;
 mod compare;
 mod ctrl_c;
+mod curve;
 mod deps;
 mod device_id;
 mod flash;
@@ -72,6 +73,8 @@ enum Verb {
     },
     /// Check who depends on whom: no forbidden dependency, no circle of files
     Deps,
+    /// What curves between waypoints save, and what a clock is worth on them
+    Curve(curve::Options),
     /// What PX4's device ids mean, and the ids of what has a name
     DeviceId(device_id::Options),
     /// Run the tests of the flashed image on the virtual board
@@ -118,6 +121,7 @@ fn run() -> Result<ExitCode> {
         Verb::Bench(options) => bench::run(&options),
         Verb::Size { json } => done(size::check(json)),
         Verb::Deps => done(deps::check()),
+        Verb::Curve(options) => done(curve::run(&options)),
         Verb::DeviceId(options) => Ok(device_id::run(&options)),
         Verb::BoardTest { paces, arguments } => done(board_test::run(&paces, &arguments)),
         Verb::Card(options) => card::run(&options),

@@ -117,6 +117,16 @@ impl Pixhawk {
         Ok(value as u32)
     }
 
+    /// The halfword of code at `address`.
+    ///
+    /// # Errors
+    ///
+    /// There is no memory, or the emulator gave up.
+    pub fn code_at(&mut self, address: u32) -> anyhow::Result<u16> {
+        let halfword = self.order(move |stopped| stopped.host.read(address.into(), Width::W16))?;
+        Ok(halfword? as u16)
+    }
+
     /// Sets a register of the core; it has the value when the core runs next.
     pub fn set_core_register(&mut self, register: CoreRegister, value: u32) {
         self.probe().push(Poke::Register(register, value));

@@ -14,6 +14,7 @@ mod clock;
 mod common;
 #[cfg(test)]
 mod evidence;
+mod faults;
 #[cfg(test)]
 mod flood;
 #[cfg(test)]

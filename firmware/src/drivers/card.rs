@@ -7,7 +7,8 @@
 //! card that never becomes ready. It is for cards of the first version (no answer to CMD8, blocks
 //! addressed by bytes) and of the second. After a failed attempt the card is found again before the
 //! next, so that nothing of the failure is left on either side; if it is another card then, by its
-//! identification, it is refused. What failed is counted by kind.
+//! identification, it is refused. A card that is still busy after the time that it may take is not
+//! reset in the middle of its work: that is the end of the attempts. What failed is counted by kind.
 //!
 //! *Limits.* The slot has no contact that detects a card: an empty one is silent. Write protection is
 //! read from the card (CSD), since the slot's sliding contact is not wired either. All cards take
@@ -66,6 +67,10 @@ const WP_VIOLATION: u32 = 1 << 26;
 
 /// In a card's status: the state of its state machine, and whether its buffer is free.
 const STATE_AND_READY: u32 = 0xF << 9 | 1 << 8;
+
+/// The state alone, and that of a card that is at work on a block.
+const STATE: u32 = 0xF << 9;
+const PROGRAMS: u32 = 7 << 9;
 
 /// These of a card that waits for a command.
 const WAITS: u32 = 4 << 9 | 1 << 8;
@@ -194,8 +199,13 @@ impl Card {
             if found.is_protected {
                 return Err(CardError::WriteProtected);
             }
-            bus.transmit(command::WRITE_BLOCK, found.place(number)?, accept, block)?;
-            wait(bus, found)
+            match bus.transmit(command::WRITE_BLOCK, found.place(number)?, accept, block) {
+                // The interface has waited for as long as the card may take.
+                Err(CardError::Bus(BusError::DataTimeout)) if is_busy(bus, found) => {
+                    Err(CardError::Busy)
+                }
+                other => other.and_then(|()| wait(bus, found)),
+            }
         })
     }
 
@@ -222,7 +232,10 @@ impl Card {
             self.count(error);
             let is_final = matches!(
                 error,
-                CardError::WriteProtected | CardError::Changed | CardError::Beyond
+                CardError::WriteProtected
+                    | CardError::Changed
+                    | CardError::Beyond
+                    | CardError::Busy
             );
             if is_final || attempts == ATTEMPTS {
                 return Err(error);
@@ -319,6 +332,12 @@ const fn accept(status: u32) -> Result<(), CardError> {
     } else {
         Ok(())
     }
+}
+
+/// Whether the card is still at work on a block.
+fn is_busy(bus: &mut Sdio, found: &Found) -> bool {
+    bus.command(command::SEND_STATUS, found.address)
+        .is_ok_and(|status| status & STATE == PROGRAMS)
 }
 
 /// Waits until the card is done with a block.

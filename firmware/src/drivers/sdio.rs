@@ -37,16 +37,20 @@ const DIVIDER_SLOW: u8 = 118;
 /// CLKDIV from then on: 48 MHz / (1 + 2) = 16 MHz.
 const DIVIDER_FAST: u8 = 1;
 
-/// The longest time for a block in either direction, in periods of 16 MHz: 250 ms, the limit of the
-/// card's specification (4.6.2).
-const DATA_TIMER: u32 = 16_000_000 / 4;
+/// The longest time for a block from the card, in periods of 16 MHz: 250 ms, more than the limit of its
+/// specification (4.6.2.1).
+const DATA_TIMER_RECEIVE: u32 = 16_000_000 / 4;
+
+/// The longest time for a block to the card: 500 ms, for the time that the card is busy with it counts,
+/// too (4.6.2.2; RM0090, 31.3.1).
+const DATA_TIMER_TRANSMIT: u32 = 16_000_000 / 2;
 
 /// The limit of the wait for a response, which is there within 0.6 ms at 400 kHz; or the hardware
 /// reports that it is not. [µs]
 const RESPONSE_US: u32 = 2_000;
 
-/// The limit of the wait for a block, which the data timer ends within 250 ms. [µs]
-const BLOCK_US: u32 = 300_000;
+/// The limit of the wait for a block, which the data timer ends within 500 ms. [µs]
+const BLOCK_US: u32 = 600_000;
 
 /// The limit of the wait for the DMA, which has a few words left after a block. [µs]
 const DRAIN_US: u32 = 1_000;
@@ -367,7 +371,12 @@ impl Sdio {
         cortex_m::asm::dmb();
         stream.cr().modify(|_, w| w.en().enabled());
         self.clear_flags();
-        self.sdio.dtimer().write(|w| w.datatime().set(DATA_TIMER));
+        let longest = if to_card {
+            DATA_TIMER_TRANSMIT
+        } else {
+            DATA_TIMER_RECEIVE
+        };
+        self.sdio.dtimer().write(|w| w.datatime().set(longest));
         self.sdio.dlen().write(|w| w.datalength().set(BLOCK as u32));
     }
 

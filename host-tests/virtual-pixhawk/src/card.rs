@@ -57,6 +57,8 @@ pub enum Fault {
     AnswerDamaged,
     /// The card falls out of the slot in front of it.
     Pulled,
+    /// The card takes it, and is busy with it for so many ms.
+    Busy(u64),
 }
 
 /// An SD card.
@@ -67,6 +69,8 @@ pub struct Card {
     is_write_protected: bool,
     serial: u32,
     busy_ns: u64,
+    /// The same after the block that it took last.
+    busy_next_ns: u64,
     faults: BTreeMap<(Transfer, u64), Fault>,
     transfers: [u64; 2],
     fault: Option<Fault>,
@@ -101,6 +105,7 @@ impl Card {
             is_write_protected: false,
             serial: 0,
             busy_ns: BUSY_NS,
+            busy_next_ns: BUSY_NS,
             faults: BTreeMap::new(),
             transfers: [0; 2],
             fault: None,
@@ -177,7 +182,7 @@ impl Card {
     /// What it answers while it programs the block that it took last; none once that is over.
     fn answer_busy(&mut self, index: u8, now: VirtualNanos) -> Option<Answer> {
         if std::mem::take(&mut self.has_taken) {
-            self.busy_until = VirtualNanos(now.0 + self.busy_ns);
+            self.busy_until = VirtualNanos(now.0 + self.busy_next_ns);
         }
         let is_busy = now < self.busy_until && index != command::GO_IDLE_STATE;
         let error = match index {
@@ -308,8 +313,12 @@ impl sd::Card for Slot {
             Some(Fault::Lost) => Outcome::Ended,
             // It throws a damaged block away.
             Some(Fault::Damaged) => Outcome::Corrupt,
-            _ => {
+            fault => {
                 card.has_taken = true;
+                card.busy_next_ns = match fault {
+                    Some(Fault::Busy(ms)) => ms * 1_000_000,
+                    _ => card.busy_ns,
+                };
                 card.card.write(block)
             }
         }

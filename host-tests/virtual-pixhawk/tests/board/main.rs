@@ -14,6 +14,7 @@ mod clock;
 mod common;
 #[cfg(test)]
 mod evidence;
+#[cfg(test)]
 mod faults;
 #[cfg(test)]
 mod flood;

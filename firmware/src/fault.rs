@@ -45,6 +45,9 @@ const PAUSE_MS: u32 = 600;
 /// Each flash of the number: lit, and dark. \[ms\]
 const DIGIT_MS: (u32, u32) = (150, 250);
 
+/// From look to look at the timer, in cycles; the timer counts at least every second one.
+const PASS: u32 = 8_000;
+
 /// Exceptions that say that the core cannot go on: hard fault, and MPU, bus and usage faults.
 const FAULTS: core::ops::RangeInclusive<u16> = 3..=6;
 
@@ -282,12 +285,12 @@ fn wait(ms: u32) {
     tim5.egr().write(|w| w.ug().update());
     tim5.cr1().write(|w| w.cen().enabled());
     let counts = ms * counts_a_ms;
-    // A pass takes at least as long as some counts of the timer, so that this is only for one that
-    // stands still.
-    for _ in 0..counts {
+    // A pass takes at least four times as many counts, so that this is only for a timer that stands still.
+    for _ in 0..counts / (PASS / 8) {
         watchdog::feed();
         if tim5.cnt().read().bits() >= counts {
             break;
         }
+        cortex_m::asm::delay(PASS);
     }
 }

@@ -15,8 +15,6 @@ mod common;
 #[cfg(test)]
 mod evidence;
 #[cfg(test)]
-mod faults;
-#[cfg(test)]
 mod flood;
 #[cfg(test)]
 mod log;

@@ -46,7 +46,7 @@ fn each_state_has_its_own_flashes() {
     let mut settings = receiver_settings();
     settings.cold_start_ns = 4 * SECOND;
     settings.stalls = vec![world::Stall {
-        from: WorldNanos(12 * SECOND),
+        from: WorldNanos(26 * SECOND),
         lasts_ns: 60 * SECOND,
     }];
     let mut board = Builder::new(firmware)
@@ -55,8 +55,8 @@ fn each_state_has_its_own_flashes() {
         .unwrap();
     for (at_s, state, pattern) in [
         (1, ClockState::Unset, &[100, 100][..]),
-        (8, ClockState::Set, &[50, 950]),
-        (16, ClockState::Holdover, &[500, 500]),
+        (22, ClockState::Set, &[50, 950]),
+        (31, ClockState::Holdover, &[500, 500]),
     ] {
         board.run_to(WorldNanos(at_s * SECOND)).unwrap();
         assert_eq!(

@@ -132,7 +132,7 @@ impl Command {
 
     /// COMMAND_ACK, built by hand for the same reason.
     pub(crate) fn ack(self, sender: &mut Sender, version: Version, to: Address) -> Frame {
-        let (id, crc_extra) = (COMMAND_ACK_DATA::ID, COMMAND_ACK_DATA::EXTRA_CRC);
+        let kind = (COMMAND_ACK_DATA::ID, COMMAND_ACK_DATA::EXTRA_CRC);
         let [low, high] = self.number.to_le_bytes();
         let result = match self.meaning {
             Ok(_) => MavResult::MAV_RESULT_ACCEPTED,
@@ -143,17 +143,6 @@ impl Command {
         // u16 command, u8 result; extensions: u8 progress, i32 result_param2,
         // u8 target_system, u8 target_component.
         let ack = [low, high, result, 0, 0, 0, 0, 0, to.system, to.component];
-        sender.frame(version, id, crc_extra, |payload| {
-            let (room, _) = payload.split_at_mut(ack.len());
-            room.copy_from_slice(&ack);
-            match version {
-                Version::V1 => 3,
-                // Trailing zeros are left out.
-                Version::V2 => ack
-                    .iter()
-                    .rposition(|&byte| byte != 0)
-                    .map_or(1, |last| last + 1),
-            }
-        })
+        sender.bytes(version, kind, &ack, 3)
     }
 }

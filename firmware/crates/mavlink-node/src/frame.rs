@@ -118,6 +118,30 @@ impl Sender {
         })
     }
 
+    /// The next frame, of a payload that is made by hand, with its extensions; without them it has
+    /// `v1_len` bytes. Trailing zeros are left out in MAVLink 2.
+    #[inline(never)]
+    pub(crate) fn bytes(
+        &mut self,
+        version: Version,
+        (id, crc_extra): (u32, u8),
+        bytes: &[u8],
+        v1_len: usize,
+    ) -> Frame {
+        self.frame(version, id, crc_extra, |payload| {
+            for (place, byte) in payload.iter_mut().zip(bytes) {
+                *place = *byte;
+            }
+            match version {
+                Version::V1 => v1_len,
+                Version::V2 => bytes
+                    .iter()
+                    .rposition(|&byte| byte != 0)
+                    .map_or(1, |last| last + 1),
+            }
+        })
+    }
+
     /// The next frame; `fill` writes the payload and returns its length. An id above 255 is for
     /// MAVLink 2.
     #[inline]

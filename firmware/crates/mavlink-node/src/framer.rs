@@ -358,16 +358,21 @@ impl<W: Wanted, const PAYLOAD: usize, const ENDS: usize> Framer<W, PAYLOAD, ENDS
     #[inline]
     #[must_use]
     pub fn push(&mut self, byte: StampedByte) -> u16 {
-        if self.position == self.event {
-            self.push_at_event(byte)
-        } else {
-            self.push_alone(byte)
+        let is_event = self.position == self.event;
+        let (before, own) = (self.crc, [self.last, byte.byte]);
+        if is_event {
+            self.begin_event();
         }
+        let length = self.push_alone(byte);
+        if is_event {
+            return self.end_event(length, remainder(before, own));
+        }
+        length
     }
 
-    /// A byte with which a long candidate may end, or before which the reader goes on.
+    /// Before a byte with which a long candidate may end, or before which the reader goes on.
     #[inline(never)]
-    fn push_at_event(&mut self, byte: StampedByte) -> u16 {
+    fn begin_event(&mut self) {
         if self.position.is_multiple_of(READ_EVERY) {
             // All that has ended is decided.
             if Self::GUARDS {
@@ -377,12 +382,15 @@ impl<W: Wanted, const PAYLOAD: usize, const ENDS: usize> Framer<W, PAYLOAD, ENDS
                 *self.starts.at_mut((self.position + block) / 32) = 0;
             }
         }
-        let before = self.crc;
-        let own = [self.last, byte.byte];
-        let short = self.push_alone(byte);
-        let long = self.long_intact(remainder(before, own));
+    }
+
+    /// After it. The length of the longest frame that ends with it, of which `length` is one that was
+    /// found.
+    #[inline(never)]
+    fn end_event(&mut self, length: u16, remainder: u16) -> u16 {
+        let long = self.long_intact(remainder);
         self.note_event();
-        short.max(long)
+        length.max(long)
     }
 
     /// Finds the next event.

@@ -8,6 +8,7 @@
 //!
 //! *Limits.* A name has 10 characters, a value 24 bits.
 
+use mavlink::MessageData;
 use mavlink::dialects::common::NAMED_VALUE_FLOAT_DATA;
 
 use crate::frame::Frame;
@@ -51,12 +52,20 @@ impl Plotted {
 
 impl Node {
     /// NAMED_VALUE_FLOAT: `value` of what is plotted at `time`.
+    #[inline(never)]
     pub fn plot(&mut self, time: NodeTime, what: Plotted, value: f32) -> Frame {
-        let named = NAMED_VALUE_FLOAT_DATA {
-            time_boot_ms: time.boot_ms(),
-            value,
-            name: what.name().into(),
-        };
-        self.sender.message(self.version, &named)
+        // u32 time, f32 value, 10 bytes of name.
+        let mut payload = [0; 18];
+        let fields = [time.boot_ms().to_le_bytes(), value.to_le_bytes()];
+        let bytes = fields.into_iter().flatten().chain(what.name().bytes());
+        for (place, byte) in payload.iter_mut().zip(bytes) {
+            *place = byte;
+        }
+        let kind = (
+            NAMED_VALUE_FLOAT_DATA::ID,
+            NAMED_VALUE_FLOAT_DATA::EXTRA_CRC,
+        );
+        self.sender
+            .bytes(self.version, kind, &payload, payload.len())
     }
 }

@@ -118,17 +118,16 @@ impl FileAsked {
             0,
             error,
         ];
-        let (id, extra) = (
+        let kind = (
             FILE_TRANSFER_PROTOCOL_DATA::ID,
             FILE_TRANSFER_PROTOCOL_DATA::EXTRA_CRC,
         );
-        sender.frame(Version::V2, id, extra, |payload| {
-            let (room, _) = payload.split_at_mut(nak.len());
-            room.copy_from_slice(&nak);
-            nak.len()
-        })
+        sender.bytes(Version::V2, kind, &nak, nak.len())
     }
 }
+
+/// Bytes of a HOME_POSITION without its extension.
+const HOME_LEN: usize = 52;
 
 /// A position.
 #[derive(Clone, Copy, Debug)]
@@ -139,21 +138,21 @@ struct Home {
 }
 
 impl Home {
-    /// Where it is in a local frame, and how the ground lies there, is not known, which is NaN.
-    const fn message(self) -> HOME_POSITION_DATA {
-        HOME_POSITION_DATA {
-            latitude: self.latitude_1e7_deg,
-            longitude: self.longitude_1e7_deg,
-            altitude: self.height_msl_mm,
-            x: f32::NAN,
-            y: f32::NAN,
-            z: f32::NAN,
-            q: [f32::NAN; 4],
-            approach_x: f32::NAN,
-            approach_y: f32::NAN,
-            approach_z: f32::NAN,
-            ..HOME_POSITION_DATA::DEFAULT
+    fn frame(self, sender: &mut Sender, version: Version) -> Frame {
+        // i32 latitude, longitude, altitude; then ten floats: where it is in a local frame, and how the
+        // ground lies there, is not known, which is NaN. The extension is a time.
+        let mut payload = [0; HOME_LEN];
+        let known = [
+            self.latitude_1e7_deg.to_le_bytes(),
+            self.longitude_1e7_deg.to_le_bytes(),
+            self.height_msl_mm.to_le_bytes(),
+        ];
+        let fields = known.into_iter().chain([f32::NAN.to_le_bytes(); 10]);
+        for (place, field) in payload.chunks_exact_mut(4).zip(fields) {
+            place.copy_from_slice(&field);
         }
+        let kind = (HOME_POSITION_DATA::ID, HOME_POSITION_DATA::EXTRA_CRC);
+        sender.bytes(version, kind, &payload, HOME_LEN)
     }
 }
 
@@ -227,7 +226,11 @@ impl PendingTold {
     #[inline(never)]
     pub(crate) fn poll(&mut self, sender: &mut Sender) -> Option<Frame> {
         if let Some(version) = self.autopilot.take() {
-            return Some(sender.message(version, &AUTOPILOT_VERSION));
+            let kind = (
+                AUTOPILOT_VERSION_DATA::ID,
+                AUTOPILOT_VERSION_DATA::EXTRA_CRC,
+            );
+            return Some(sender.bytes(version, kind, &autopilot_version(), 60));
         }
         if core::mem::take(&mut self.protocol) {
             return Some(protocol_version(sender));
@@ -235,10 +238,10 @@ impl PendingTold {
         if let Some(version) = self.home_asked.take()
             && let Some(home) = self.home
         {
-            return Some(sender.message(version, &home.message()));
+            return Some(home.frame(sender, version));
         }
         if let Some(failed) = self.parameter.take() {
-            return Some(sender.message(Version::V2, &parameter_error(&failed)));
+            return Some(failed.frame(sender));
         }
         if let Some(mission) = self.mission.take() {
             return Some(mission.frame(sender));
@@ -250,33 +253,29 @@ impl PendingTold {
 impl MissionAsked {
     /// MISSION_COUNT: there is none, of whichever type.
     fn frame(self, sender: &mut Sender) -> Frame {
-        let (id, extra) = (MISSION_COUNT_DATA::ID, MISSION_COUNT_DATA::EXTRA_CRC);
+        let kind = (MISSION_COUNT_DATA::ID, MISSION_COUNT_DATA::EXTRA_CRC);
         let to = self.to;
-        // u16 count, u8 target_system, target_component; extension: u8 mission_type. By hand, for
-        // types that the enum does not have.
+        // u16 count, u8 target_system, target_component; extension: u8 mission_type.
         let count = [0, 0, to.system, to.component, self.mission_type];
-        sender.frame(self.version, id, extra, |payload| {
-            let (room, _) = payload.split_at_mut(count.len());
-            room.copy_from_slice(&count);
-            match self.version {
-                Version::V1 => 4,
-                Version::V2 => count
-                    .iter()
-                    .rposition(|&byte| byte != 0)
-                    .map_or(1, |last| last + 1),
-            }
-        })
+        sender.bytes(self.version, kind, &count, 4)
     }
 }
 
-/// What this node can do, and its release; the rest is not known here, which is 0.
-const AUTOPILOT_VERSION: AUTOPILOT_VERSION_DATA = AUTOPILOT_VERSION_DATA {
-    capabilities: MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+/// AUTOPILOT_VERSION: u64 capabilities, u64 uid, u32 release. The rest is not known here, which is 0.
+fn autopilot_version() -> [u8; 20] {
+    const CAPABILITIES: u64 = MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_COMMAND_INT
         .union(MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST)
-        .union(MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MAVLINK2),
-    flight_sw_version: RELEASE,
-    ..AUTOPILOT_VERSION_DATA::DEFAULT
-};
+        .union(MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MAVLINK2)
+        .bits();
+    let mut payload = [0; 20];
+    if let Some(place) = payload.first_chunk_mut() {
+        *place = CAPABILITIES.to_le_bytes();
+    }
+    if let Some(place) = payload.last_chunk_mut() {
+        *place = RELEASE.to_le_bytes();
+    }
+    payload
+}
 
 /// This release as MAVLink writes one: major, minor and patch in the upper three bytes, and in the
 /// lowest FIRMWARE_VERSION_TYPE_DEV, 0.
@@ -305,24 +304,25 @@ const fn decimal(digits: &str) -> u32 {
 /// MAVLink 1.0 to 2.0, in hundredths; the hashes of definitions are not known.
 fn protocol_version(sender: &mut Sender) -> Frame {
     // u16 version, min_version, max_version; the rest is trailing zeros.
-    let versions = [200, 0, 100, 0, 200];
-    let (id, extra) = (PROTOCOL_VERSION, PROTOCOL_VERSION_EXTRA);
-    sender.frame(Version::V2, id, extra, |payload| {
-        let (room, _) = payload.split_at_mut(versions.len());
-        room.copy_from_slice(&versions);
-        versions.len()
-    })
+    let kind = (PROTOCOL_VERSION, PROTOCOL_VERSION_EXTRA);
+    sender.bytes(Version::V2, kind, &[200, 0, 100, 0, 200], 22)
 }
 
-fn parameter_error(failed: &FailedParameter) -> PARAM_ERROR_DATA {
-    PARAM_ERROR_DATA {
-        param_index: failed.index,
-        target_system: failed.to.system,
-        target_component: failed.to.component,
-        param_id: failed.name.bytes().into(),
-        error: match failed.error {
+impl FailedParameter {
+    /// PARAM_ERROR: i16 index, u8 target_system, target_component, 16 bytes of name, u8 error.
+    fn frame(&self, sender: &mut Sender) -> Frame {
+        let error = match self.error {
             ParameterError::DoesNotExist => MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST,
             ParameterError::ReadOnly => MavParamError::MAV_PARAM_ERROR_READ_ONLY,
-        },
+        };
+        let [low, high] = self.index.to_le_bytes();
+        let head = [low, high, self.to.system, self.to.component];
+        let fields = head.into_iter().chain(self.name.bytes());
+        let mut payload = [error as u8; 21];
+        for (place, byte) in payload.iter_mut().zip(fields) {
+            *place = byte;
+        }
+        let kind = (PARAM_ERROR_DATA::ID, PARAM_ERROR_DATA::EXTRA_CRC);
+        sender.bytes(Version::V2, kind, &payload, payload.len())
     }
 }

@@ -189,6 +189,7 @@ pub fn task_stopped(which: Hang, sp: u32) -> ! {
 
 /// Stops the board for a `reason` that is recorded already.
 pub fn stop(reason: Reason) -> ! {
+    defmt::error!("stopped: restarting does not help");
     cortex_m::interrupt::disable();
     IS_ENDING.store(true, Relaxed);
     show_for_ever(reason)

@@ -13,7 +13,7 @@ use crate::image_words;
 use crate::samples::SAMPLES;
 use crate::settings::VARIANT;
 use crate::tasks::{gnss, led, mavlink, paper, ready as ready_task, status};
-use crate::{board, lines, storage, story, supervision};
+use crate::{board, fault, lines, storage, story, supervision};
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
@@ -27,7 +27,9 @@ fn main() -> ! {
     } = bring_up::bring_up();
     SAMPLES.open(samples);
     log_identity();
-    story::tell();
+    if let Some(reason) = story::tell() {
+        fault::stop(reason);
+    }
     let high = executors::start_high();
     if VARIANT.is_papers() {
         spawn(&high, paper::run(lines.gnss));

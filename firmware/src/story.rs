@@ -14,7 +14,6 @@ use fault_record::{Hang, History, Place, Reason, Record, Registers};
 
 use crate::clock_events::{self, ClockEvent};
 use crate::drivers::{backup, watchdog};
-use crate::fault;
 use crate::latest::Latest;
 
 /// Exception numbers of interrupts begin here.
@@ -44,8 +43,9 @@ pub fn keep(record: &Record) {
 }
 
 /// Tells the fault that ended the run before, if one did. To be called once, before the first task. The
-/// backup registers are open. Stops the board when the watchdog has reset it too often.
-pub fn tell() {
+/// backup registers are open. The reason to stop the board for, when the watchdog has reset it too
+/// often.
+pub fn tell() -> Option<Reason> {
     let mut found = recorded();
     let last_up_ms = backup::up_ms();
     backup::set_up_ms(0);
@@ -63,9 +63,10 @@ pub fn tell() {
             is_told: false,
         });
     }
-    let Some(record) = found else { return };
+    let record = found?;
     if record.is_told {
-        return backup::set_record(&[0; fault_record::WORDS]);
+        backup::set_record(&[0; fault_record::WORDS]);
+        return None;
     }
     BEFORE.set(record.reason);
     log("before the restart: ", &record);
@@ -77,10 +78,7 @@ pub fn tell() {
         reason: record.reason,
         place: record.place,
     });
-    if by_watchdog && record.history.is_enough() {
-        defmt::error!("stopped: restarting does not help");
-        fault::stop(record.reason)
-    }
+    (by_watchdog && record.history.is_enough()).then_some(record.reason)
 }
 
 /// Why the run before ended, if a fault ended it.

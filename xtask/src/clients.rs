@@ -1,6 +1,6 @@
 //! `clients`: MAVProxy and MAVSDK beside each other against `sim`.
 //!
-//! *Design.* A [venv](crate::venv) with the pinned releases; one board; the script of
+//! *Design.* A [`venv`] with the pinned releases; one board; the script of
 //! `host-tests/clients`, which lets both connect, read version and parameters, ping, and download a
 //! log, and watches that neither asks for anything again and again.
 //!

@@ -1,6 +1,6 @@
 //! `pymavlink`: the library that most clients are built on, against ours.
 //!
-//! *Design.* A [venv](crate::venv) with the pinned pymavlink; `sim`, then `qemu`,
+//! *Design.* A [`venv`] with the pinned pymavlink; `sim`, then `qemu`,
 //! each started on a port of its own; the script of `host-tests/pymavlink` asks
 //! them in MAVLink 1 and 2. What could not be tried is printed as SKIPPED, and in CI
 //! (where `CI` is set) it is a failure.

@@ -10,9 +10,7 @@
 #[cfg_attr(feature = "qemu", path = "qemu.rs")]
 mod this;
 
-/// The crystal does not start.
-#[derive(Clone, Copy, Debug)]
-pub struct CrystalFailed;
+mod crystal;
 
 pub use this::{
     HAS_CARD_SLOT, HAS_CONSTANT_CLOCKS, NAME, SAMPLE_ROOM, WITNESS_PRESCALER, WITNESS_RATIO,

@@ -7,7 +7,7 @@
 use stm32f4xx_hal::pac::RCC;
 use stm32f4xx_hal::rcc::{Config, Rcc};
 
-use super::CrystalFailed;
+use super::crystal::CrystalFailed;
 
 /// The board's name, for the log.
 pub const NAME: &str = "qemu";

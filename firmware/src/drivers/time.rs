@@ -302,8 +302,8 @@ impl TimeDriver {
     /// Lends the timers. The alarm and the tasks come here, nobody above them, and `act` wakes tasks
     /// but runs none.
     fn with_timers<R>(&self, act: impl FnOnce(&mut Timers) -> R) -> R {
-        // SAFETY: everybody else who comes here is kept out.
         masks::up_to(priorities::ALARM, || {
+            // SAFETY: everybody else who comes here is kept out.
             act(unsafe { &mut *self.timers.get() })
         })
     }

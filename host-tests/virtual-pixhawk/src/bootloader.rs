@@ -11,7 +11,7 @@
 //!
 //! *Limits.* The real ones wait, blink and speak before; of that nothing is to be seen here.
 
-use crate::image::{APPLICATION, FLASH};
+use crate::flash::{APPLICATION, FLASH};
 
 /// What stands before the application.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

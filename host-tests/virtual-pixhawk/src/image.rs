@@ -19,16 +19,11 @@ use rigless::image::Image;
 use world::Recording;
 
 use crate::bootloader::Bootloader;
+use crate::flash::{APPLICATION, APPLICATION_MAX, FLASH};
 
 /// Names the image that tests run, the one that is flashed; `cargo xtask board-test`
 /// sets it.
 pub const IMAGE_VARIABLE: &str = "PIXCLOCK_IMAGE";
-
-/// Where the bootloader is, and where the application begins behind it.
-pub(crate) const FLASH: u32 = 0x0800_0000;
-pub(crate) const APPLICATION: u32 = FLASH + 0x4000;
-/// The most that an application may be, in bytes (PX4-Bootloader, board id 9).
-pub(crate) const APPLICATION_MAX: u32 = 1_008 * 1_024;
 
 /// A place in the board's memory that the image has a name for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -15,8 +15,8 @@ use std::collections::BTreeMap;
 
 use rigless::device::Level;
 
-use crate::meter::Tally;
 use crate::stepping::{Moment, Traffic};
+use crate::tally::Tally;
 
 /// TIM5's CNT (RM0090, table 1 and section 18.4.10).
 const WITNESS: u64 = 0x4000_0c24;

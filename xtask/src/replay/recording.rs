@@ -19,7 +19,7 @@ use world::{Recording, Talker};
 
 use super::options::Options;
 
-/// GPS less UTC since 2017. [s]
+/// GPS less UTC since 2017, in s.
 const LEAP_COUNT: i8 = 18;
 
 /// The clock's settings for a recording: the leap count is configured where the recording has no

@@ -148,8 +148,8 @@ impl Home {
             self.height_msl_mm.to_le_bytes(),
         ];
         let fields = known.into_iter().chain([f32::NAN.to_le_bytes(); 10]);
-        for (place, field) in payload.chunks_exact_mut(4).zip(fields) {
-            place.copy_from_slice(&field);
+        for (place, field) in payload.as_chunks_mut().0.iter_mut().zip(fields) {
+            *place = field;
         }
         let kind = (HOME_POSITION_DATA::ID, HOME_POSITION_DATA::EXTRA_CRC);
         sender.bytes(version, kind, &payload, HOME_LEN)

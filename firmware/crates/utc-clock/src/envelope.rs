@@ -28,6 +28,7 @@
 mod apart;
 mod bins;
 mod density;
+mod elapsed;
 mod survey;
 mod trend;
 mod wander;
@@ -35,6 +36,7 @@ mod wander;
 use apart::{Apart, Standing};
 use bins::Bins;
 use density::ArrivalDensity;
+use elapsed::elapsed_s;
 use survey::Survey;
 use trend::{Point, Trend, seconds};
 use wander::Wander;
@@ -157,11 +159,6 @@ pub enum EnvelopeVerdict {
     Early,
     /// It confirms that the floor has moved: everything but the frequency begins anew.
     Moved(EnvelopeEstimate),
-}
-
-/// From `earlier_us` to `later_us`, µs since boot, in s; an hour at most.
-fn elapsed_s(later_us: u64, earlier_us: u64) -> f32 {
-    later_us.saturating_sub(earlier_us).min(3_600_000_000) as u32 as f32 * 1e-6
 }
 
 /// What the bins still have to be asked.

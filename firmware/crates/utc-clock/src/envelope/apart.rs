@@ -11,7 +11,7 @@
 //!
 //! *Limits.* A floor that moves by less than marks may be from the line is the line's.
 
-use super::elapsed_s;
+use super::elapsed::elapsed_s;
 use crate::holdover::CRYSTAL_PPB;
 
 /// A floor that has moved stands: over half of the time its lowest marks go away by no more. \[ns\]

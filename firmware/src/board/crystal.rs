@@ -1,0 +1,5 @@
+//! What is wrong with a crystal.
+
+/// The crystal does not start.
+#[derive(Clone, Copy, Debug)]
+pub struct CrystalFailed;

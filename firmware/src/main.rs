@@ -24,6 +24,7 @@ mod bring_up;
 mod clock;
 #[cfg(target_os = "none")]
 mod clock_events;
+#[cfg(target_os = "none")]
 mod clock_news;
 #[cfg(target_os = "none")]
 mod drivers;

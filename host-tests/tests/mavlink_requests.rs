@@ -98,7 +98,8 @@ fn asking_twice_costs_nothing() {
         note(&mut node, &client.parameters(US));
         note(&mut node, &client.logs(US));
     }
-    assert_eq!(polled(&mut node, &Board::of(0)).len(), 7);
+    // Seven parameters, and that there is no log.
+    assert_eq!(polled(&mut node, &Board::of(0)).len(), 8);
 }
 
 #[test]

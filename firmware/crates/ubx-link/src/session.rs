@@ -273,7 +273,7 @@ impl Session {
     }
 
     /// How long the receiver's pulse is high, as it has acknowledged; `None` as long as it has not,
-    /// so that no pulse is its. [µs]
+    /// so that no pulse is its. \[µs\]
     #[must_use]
     pub const fn pulse_width_us(&self) -> Option<u32> {
         if self.has_acknowledged_pulse {

@@ -4,6 +4,7 @@
 use crate::common::{
     BAUD, MS, SECOND, START_UTC_NS, image, ping_answers, pings, receiver_settings,
 };
+use console::Status;
 use fat_image::Kind;
 use mavlink_node::client::Client;
 use mavlink_node::{Address, Test, Version};
@@ -221,8 +222,13 @@ fn a_card_that_takes_the_place_of_another_in_mid_file_stays_as_it_was() {
     let first = board.swap_card(Some(swapped)).unwrap().unwrap();
     assert!(first.transfers(Transfer::Write) > 0);
     board.run_to(WorldNanos(7 * SECOND)).unwrap();
-    let expected = "the log is not saved: Gone";
-    assert_eq!(lines_about_the_card(&mut board), [expected]);
+    // The bus fails first where the card was busy with a block: that it is another one is not told.
+    let lines = lines_about_the_card(&mut board);
+    let expected = ["Gone", "Failed"].map(|reason| format!("the log is not saved: {reason}"));
+    assert!(
+        lines.len() == 1 && expected.contains(&lines[0]),
+        "{lines:?}"
+    );
     let swapped = board.swap_card(None).unwrap().unwrap();
     assert_eq!(swapped.transfers(Transfer::Write), 0);
     assert!(swapped.image() == other);
@@ -346,9 +352,15 @@ fn writing_a_full_log_does_not_disturb_the_clock() {
         let late = pairs.filter(|(a, b)| a.1.abs_diff(b.1) > 1).count();
         assert!(late <= 1 && stamps_us <= 10, "{late} PINGs");
         assert!(readings_ns <= 100);
-        for counter in ["overrun", "incoming_full", "outgoing_full", "crc_failures"] {
+        for counter in ["overrun", "incoming_full", "outgoing_full"] {
             assert!(!with.last_status.contains(counter), "{}", with.last_status);
         }
+        // The reader counts what looks like a frame inside a frame; the card adds none.
+        let failures = |run: &Traces| {
+            let status = Status::parse(&run.last_status);
+            status.and_then(|status| status.number("mav_crc_failures"))
+        };
+        assert_eq!(failures(&with), failures(&without));
         let counted = with
             .last_status
             .find(" card_")

@@ -257,9 +257,11 @@ fn what_is_frozen_stays_and_what_begins_is_empty() {
                 4_010 * MS,
                 (|c| c.test(BOARD, Test::Ends)) as fn(&mut Client) -> Frame,
             ),
+            // Asked back, because nobody has saved the first one; obeyed 2 s later.
+            (4_012 * MS, |c| c.test(BOARD, Test::Begins)),
             (5_010 * MS, |c| c.parameter(BOARD, Parameter::LogLen)),
             (5_020 * MS, whole_log),
-            (6_010 * MS, |c| c.test(BOARD, Test::Begins)),
+            (6_015 * MS, |c| c.test(BOARD, Test::Begins)),
             (6_020 * MS, |c| c.parameter(BOARD, Parameter::LogLen)),
             (7_010 * MS, |c| c.test(BOARD, Test::Ends)),
             (7_600 * MS, whole_log),

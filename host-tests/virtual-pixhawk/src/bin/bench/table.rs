@@ -10,6 +10,8 @@ pub struct Row {
     job: &'static str,
     cost: f64,
     budget: f64,
+    /// What is allowed for now where the budget is not met.
+    for_now: Option<f64>,
     /// What other projects spend on the same job.
     peers: &'static str,
 }
@@ -21,13 +23,28 @@ impl Row {
             job,
             cost,
             budget,
+            for_now: None,
             peers,
         }
     }
 
+    /// A row whose budget is not met: it stays marked, and fails only beyond `most`, so that it gets
+    /// no worse.
+    pub const fn for_now(self, most: f64) -> Self {
+        Self {
+            for_now: Some(most),
+            ..self
+        }
+    }
+
     /// Whether the budget is kept.
-    pub fn is_kept(&self) -> bool {
+    fn is_kept(&self) -> bool {
         self.cost <= self.budget
+    }
+
+    /// Whether it costs no more than is allowed.
+    pub fn is_allowed(&self) -> bool {
+        self.cost <= self.for_now.unwrap_or(self.budget)
     }
 }
 

@@ -222,7 +222,7 @@ async def retried(ask):
 
 def fill_log(board):
     """Some PINGs for the log, by pymavlink."""
-    link = mavutil.mavlink_connection(f"tcp:{board[0]}:{board[1]}", source_system=254, dialect="common")
+    link = mavutil.mavlink_connection(f"tcp:{board[0]}:{board[1]}", source_system=254, dialect="common", retries=60)
     link.wait_heartbeat(timeout=10)
     link.mav.command_long_send(1, 1, 31010, 0, 0, 0, 0, 0, 0, 0, 0)
     for seq in range(200):

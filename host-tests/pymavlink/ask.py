@@ -34,6 +34,7 @@ EARLIEST_UTC_US = 1_451_606_400_000_000
 ACCEPTED, DENIED, UNSUPPORTED = 0, 2, 3
 USER_1 = 31_010
 TEST_BEGINS, TEST_ENDS = 0, 1
+TAKEOFF = 22
 REQUEST_MESSAGE = 512
 AUTOPILOT_VERSION = 148
 
@@ -161,6 +162,10 @@ def check_command(node):
         target, 1, REQUEST_MESSAGE, 0, AUTOPILOT_VERSION, 0, 0, 0, 0, 0, 0
     )
     ack = node.answer("COMMAND_ACK", lambda ack: ack.command == REQUEST_MESSAGE)
+    expect(ack, "a request for the version was not acknowledged")
+    expect(ack.result == ACCEPTED, f"the version was asked for, and refused with {ack.result}")
+    node.line.mav.command_long_send(target, 1, TAKEOFF, 0, 0, 0, 0, 0, 0, 0, 0)
+    ack = node.answer("COMMAND_ACK", lambda ack: ack.command == TAKEOFF)
     expect(ack, "a command was not acknowledged")
     expect(ack.result == UNSUPPORTED, f"a command was acknowledged with {ack.result}")
 
@@ -227,7 +232,7 @@ def check_log(node):
         ping = node.answer("PING", lambda answer: answer.seq == seq)
         expect(ping, f"PING {seq} not answered within {PATIENCE} s")
         answers.append((seq, asked, ping.time_usec))
-    command_test(node, 2, DENIED)
+    command_test(node, 4, DENIED)
     command_test(node, TEST_ENDS, ACCEPTED)
     node.line.mav.log_request_list_send(system, 1, 0, 0xFFFF)
     entry = node.answer("LOG_ENTRY", lambda _: True)

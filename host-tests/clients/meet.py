@@ -260,8 +260,10 @@ async def main():
             check.that(not repeated, f"{who} repeats nothing for ever", repeated)
             print(f"      {who} asked: {dict(relay.asked)}")
         proxy.end()
-        del system
-    sys.exit(1 if check.wrong else 0)
+        system._stop_mavsdk_server()
+    sys.stdout.flush()
+    # MAVSDK's threads do not end by themselves.
+    os._exit(1 if check.wrong else 0)
 
 
 if __name__ == "__main__":

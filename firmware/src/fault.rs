@@ -241,7 +241,9 @@ pub fn up_ms() -> u32 {
 }
 
 fn restart() -> ! {
-    show(&ENDED);
+    // Without the dark time behind the long flash: the restart is dark itself.
+    let [flashes @ .., _] = &ENDED;
+    show(flashes);
     SCB::sys_reset()
 }
 
@@ -286,8 +288,9 @@ fn wait(ms: u32) {
     tim5.egr().write(|w| w.ug().update());
     tim5.cr1().write(|w| w.cen().enabled());
     let counts = ms * counts_a_ms;
-    // A pass takes at least four times as many counts, so that this is only for a timer that stands still.
-    for _ in 0..counts / (PASS / 8) {
+    // On the chip a pass takes at least sixteen times as many counts, so that this is only for a timer
+    // that stands still. (The emulator's core keeps its pace on HSI, and its passes are shorter then.)
+    for _ in 0..counts / (PASS / 32) {
         watchdog::feed();
         if tim5.cnt().read().bits() >= counts {
             break;

@@ -375,3 +375,23 @@ fn writing_a_full_log_does_not_disturb_the_clock() {
     }
     assert_eq!(kept_all, [true; 2], "no tick is lost in either run");
 }
+
+#[test]
+fn a_card_may_be_busy_for_as_long_as_its_specification_says() {
+    let Some(firmware) = image() else { return };
+    for (busy_ms, is_saved) in [(300, true), (450, true), (700, false)] {
+        let image = fat_image::formatted(Kind::Fat32);
+        let card = Card::holding(&image).fault(Transfer::Write, 3, Fault::Busy(busy_ms));
+        let mut board = after_a_test(&firmware, Some(card), &[]);
+        board.run_to(WorldNanos(9 * SECOND)).unwrap();
+        let log = board.take_log().unwrap();
+        let lines: Vec<&str> = log.iter().map(|logged| logged.line.text.as_str()).collect();
+        let saved = lines
+            .iter()
+            .any(|line| line.starts_with("the log is saved"));
+        assert_eq!(saved, is_saved, "{busy_ms} ms: {lines:#?}");
+        let status = lines.iter().rfind(|line| line.starts_with("status "));
+        let timeouts = status.is_some_and(|line| line.contains(" card_timeout=1"));
+        assert_eq!(timeouts, !is_saved, "{busy_ms} ms: {status:?}");
+    }
+}

@@ -15,6 +15,8 @@ mod common;
 #[cfg(test)]
 mod evidence;
 #[cfg(test)]
+mod faults;
+#[cfg(test)]
 mod flood;
 #[cfg(test)]
 mod log;

@@ -1,0 +1,452 @@
+//! Faults, provoked from outside: shown by the LED, recorded, and told after the restart; and the board
+//! that stops instead of restarting for ever.
+
+use crate::common::{BAUD, MS, SECOND, image, messages};
+use console::Level;
+use mavlink_node::client::{Client, Message};
+use mavlink_node::{Address, Parameter, Version};
+use virtual_pixhawk::{Builder, Connector, Firmware, Logged, Pixhawk, Script};
+use world::{Transmission, WorldNanos};
+
+/// GPIOE's mode and output data; the LED is at its pin 12, lit when low.
+const GPIOE: u64 = 0x4002_1000;
+const LED: u32 = 12;
+
+/// Registers of the core: the second words of ISER and ISPR, the control of SysTick, and ICSR.
+const ISER2: u32 = 0xE000_E108;
+const ISPR2: u32 = 0xE000_E208;
+const SYST_CSR: u32 = 0xE000_E010;
+const ICSR: u32 = 0xE000_ED04;
+
+/// Runs each ms, at the alarm's priority.
+const ALARM: &str = "firmware::start::on_alarm";
+/// Runs within the status line's frame.
+const IN_A_FRAME: &str = "firmware::tasks::status::count";
+/// Takes the peripherals, which is possible once.
+const MAIN: &str = "firmware::start::__cortex_m_rt_main";
+
+/// UDF: undefined for ever.
+const UNDEFINED: u16 = 0xDE00;
+/// `bx lr`: a function that does nothing.
+const RETURN: u16 = 0x4770;
+/// Loads from 0x3000_0000, where no memory is.
+const LOAD_FROM_NOWHERE: [u16; 3] = [0x2030, 0x0600, 0x6800];
+/// Pushes nine registers and begins again.
+const RECURSION: [u16; 2] = [0xB5FF, 0xE7FD];
+
+/// From one look at the LED to the next.
+const LOOK: u64 = 10 * MS;
+
+/// When a fault is provoked.
+const PROVOKED: WorldNanos = WorldNanos(2_500 * MS);
+
+const BOARD: Address = Address {
+    system: 1,
+    component: 1,
+};
+
+fn is_lit(board: &mut Pixhawk) -> bool {
+    let is_output = board.peek(GPIOE).unwrap() >> (2 * LED) & 0b11 == 0b01;
+    let is_high = board.peek(GPIOE + 0x14).unwrap() >> LED & 1 == 1;
+    is_output && !is_high
+}
+
+/// How long the LED is lit and dark in turns, in ms, from now on and beginning with lit.
+fn flashes(board: &mut Pixhawk, for_ns: u64) -> Vec<u64> {
+    let end = board.now().plus(for_ns);
+    let mut runs: Vec<(bool, u64)> = Vec::new();
+    while board.now() < end {
+        let lit = is_lit(board);
+        match runs.last_mut() {
+            Some((was_lit, ns)) if *was_lit == lit => *ns += LOOK,
+            _ => runs.push((lit, LOOK)),
+        }
+        board.run_for(LOOK).unwrap();
+    }
+    let runs = runs.into_iter().skip_while(|(lit, _)| !lit);
+    runs.map(|(_, ns)| ns / MS).collect()
+}
+
+fn is_about(found: &[u64], expected: &[u64]) -> bool {
+    found.len() >= expected.len()
+        && found
+            .iter()
+            .zip(expected)
+            .all(|(found, expected)| found.abs_diff(*expected) <= 20)
+}
+
+/// Runs until the LED has flashed twice shortly, and long for 0.3 s of the third time; when that began.
+fn ended_group(board: &mut Pixhawk, limit: WorldNanos) -> Option<WorldNanos> {
+    let mut changes = vec![board.now()];
+    let mut was_lit = false;
+    while board.now() < limit {
+        let now = board.now();
+        let lit = is_lit(board);
+        if lit != was_lit {
+            changes.push(now);
+            was_lit = lit;
+        }
+        if let [.., first, second, third, fourth, last] = changes[..] {
+            let apart = |from: WorldNanos, to: WorldNanos| (to.0 - from.0) / MS;
+            let found = [
+                apart(first, second),
+                apart(second, third),
+                apart(third, fourth),
+                apart(fourth, last),
+                apart(last, now),
+            ];
+            if lit && is_about(&found, &[100, 100, 100, 100, 300]) {
+                return Some(first);
+            }
+        }
+        board.run_for(LOOK).unwrap();
+    }
+    None
+}
+
+/// `b.w` has not the range everywhere: r0 is loaded with the address, and jumped to.
+fn jump_to(address: u32) -> [u16; 5] {
+    let half = |first: u16, value: u32| {
+        let (imm4, i) = ((value >> 12) as u16, (value >> 11 & 1) as u16);
+        let (imm3, imm8) = ((value >> 8 & 0b111) as u16, (value & 0xFF) as u16);
+        [first | i << 10 | imm4, imm3 << 12 | imm8]
+    };
+    let address = address | 1;
+    let [first, second] = half(0xF240, address & 0xFFFF);
+    let [third, fourth] = half(0xF2C0, address >> 16);
+    [first, second, third, fourth, 0x4700]
+}
+
+/// The function that runs the task of the module `of`.
+fn task(of: &str) -> String {
+    format!(
+        "<embassy_executor::raw::TaskStorage<firmware::tasks::{of}::__run_task::__run_task_inner_function::{{closure#0}}>>::poll"
+    )
+}
+
+/// A board that is asked for the parameter at 7 s.
+fn board(firmware: &Firmware) -> Pixhawk {
+    let ground = Address {
+        system: 255,
+        component: 190,
+    };
+    let mut client = Client::new(ground, Version::V2);
+    let ask = Transmission {
+        start: WorldNanos(7 * SECOND),
+        bytes: client.parameter(BOARD, Parameter::Fault).to_vec(),
+        baud: BAUD,
+    };
+    Builder::new(firmware.clone())
+        .telem1(Script::new([ask]))
+        .power_on()
+        .unwrap()
+}
+
+/// What is provoked, and what has to be told of it.
+struct Case {
+    /// What the log says at once; nothing when nobody is left to say it.
+    at_once: Option<String>,
+    /// How the log of the next run begins to tell it.
+    later: String,
+    text: String,
+    number: f32,
+}
+
+fn texts_and_value(board: &mut Pixhawk) -> (Vec<String>, Option<f32>) {
+    let received = board.take_received(Connector::Telem1).unwrap();
+    let mut texts = Vec::new();
+    let mut value = None;
+    for (_, what) in messages(&received) {
+        match what {
+            Message::StatusText { text, .. } => texts.push(text.as_str().to_owned()),
+            Message::Parameter {
+                name, value: found, ..
+            } if Parameter::named(name) == Some(Parameter::Fault) => value = Some(found),
+            _ => {}
+        }
+    }
+    (texts, value)
+}
+
+fn errors(log: &[Logged]) -> Vec<&str> {
+    log.iter()
+        .filter(|logged| logged.line.level == Some(Level::Error))
+        .map(|logged| logged.line.text.as_str())
+        .collect()
+}
+
+/// Provokes a fault once, and judges what is shown and told.
+fn judge(
+    firmware: &Firmware,
+    case: &Case,
+    (is_shown_within, is_over_within): (Option<u64>, u64),
+    provoke: impl FnOnce(&mut Pixhawk) -> Option<(String, Vec<u16>)>,
+) {
+    let Case { later, text, .. } = case;
+    let mut board = board(firmware);
+    board.run_to(PROVOKED).unwrap();
+    assert!(board.restarts().unwrap().is_empty());
+    board.take_log().unwrap();
+    let patched = provoke(&mut board);
+    if let Some(within) = is_shown_within {
+        let began = ended_group(&mut board, PROVOKED.plus(within + SECOND));
+        let began = began.unwrap_or_else(|| panic!("{text}: no group of flashes"));
+        let after = began.0 - PROVOKED.0;
+        assert!(after <= within + 2 * LOOK, "{text}: {} ms", after / MS);
+    } else {
+        board.run_for(is_over_within).unwrap();
+    }
+    if let Some((name, before)) = patched {
+        // Only the first run meets it.
+        board.patch(&name, &before).unwrap();
+    }
+    board.run_to(PROVOKED.plus(is_over_within + LOOK)).unwrap();
+    let restarts = board.restarts().unwrap();
+    assert_eq!(restarts.len(), 1, "{text}: {restarts:?}");
+    board.run_to(WorldNanos(8 * SECOND)).unwrap();
+    let log = board.take_log().unwrap();
+    let errors = errors(&log);
+    if let Some(at_once) = &case.at_once {
+        assert!(
+            errors.iter().any(|line| line.starts_with(at_once)),
+            "{at_once}: {errors:#?}"
+        );
+    }
+    let later = format!("before the restart: {later}");
+    assert!(
+        errors.iter().any(|line| line.starts_with(&later)),
+        "{later}: {errors:#?}"
+    );
+    let (texts, value) = texts_and_value(&mut board);
+    let text = format!("restarted: {text}");
+    assert!(texts.contains(&text), "{text}: {texts:?}");
+    assert_eq!(value, Some(case.number), "{text}");
+    assert_eq!(board.restarts().unwrap().len(), 1, "{text}: it goes on");
+}
+
+/// The LED shows it at the latest 100 ms after it, and the restart comes within 2 s.
+const SHOWN: (Option<u64>, u64) = (Some(100 * MS), 2 * SECOND);
+
+fn patches(name: &str, code: &[u16]) -> impl FnOnce(&mut Pixhawk) -> Option<(String, Vec<u16>)> {
+    move |board| Some((name.to_owned(), board.patch(name, code).unwrap()))
+}
+
+#[test]
+fn a_hard_fault_is_shown_and_told_with_its_place() {
+    let Some(firmware) = image() else { return };
+    let at = firmware.symbol(ALARM).unwrap().address;
+    let case = Case {
+        at_once: Some(format!("hard fault at {at:#010x}")),
+        later: format!("hard fault at {at:#010x}"),
+        text: format!("hard fault at {at:#010x}"),
+        number: 2.0,
+    };
+    judge(&firmware, &case, SHOWN, patches(ALARM, &[UNDEFINED]));
+}
+
+#[test]
+fn a_bus_error_is_shown_and_told_with_its_address() {
+    let Some(firmware) = image() else { return };
+    let at = firmware.symbol(ALARM).unwrap().address + 4;
+    let case = Case {
+        at_once: Some(format!("hard fault at {at:#010x}")),
+        later: format!("hard fault at {at:#010x}"),
+        text: format!("hard fault at {at:#010x}"),
+        number: 2.0,
+    };
+    judge(&firmware, &case, SHOWN, patches(ALARM, &LOAD_FROM_NOWHERE));
+}
+
+#[test]
+fn a_stack_overflow_is_shown_and_told() {
+    let Some(firmware) = image() else { return };
+    let case = Case {
+        at_once: Some("hard fault: stack overflow".to_owned()),
+        later: "hard fault: stack overflow".to_owned(),
+        text: "stack overflow".to_owned(),
+        number: 2.0,
+    };
+    judge(&firmware, &case, SHOWN, patches(ALARM, &RECURSION));
+}
+
+#[test]
+fn a_panic_is_shown_and_told_with_its_line() {
+    let Some(firmware) = image() else { return };
+    let main = firmware.symbol(MAIN).unwrap().address;
+    let mut board = board(&firmware);
+    board.run_to(PROVOKED).unwrap();
+    let before = board.patch(ALARM, &jump_to(main)).unwrap();
+    board.run_for(50 * MS).unwrap();
+    assert!(is_lit(&mut board));
+    board.patch(ALARM, &before).unwrap();
+    board.run_to(WorldNanos(8 * SECOND)).unwrap();
+    assert_eq!(board.restarts().unwrap().len(), 1);
+    let log = board.take_log().unwrap();
+    let errors = errors(&log);
+    let place = "panic at firmware/src/bring_up.rs:";
+    assert!(
+        errors.contains(&"panicked: the board was brought up twice"),
+        "{errors:#?}"
+    );
+    assert!(
+        errors.iter().any(|line| line.starts_with(place)),
+        "{errors:#?}"
+    );
+    let later = format!("before the restart: {place}");
+    assert!(
+        errors.iter().any(|line| line.starts_with(&later)),
+        "{errors:#?}"
+    );
+    let (texts, value) = texts_and_value(&mut board);
+    let text = "restarted: panic, ";
+    let told = texts.iter().find(|told| told.starts_with(text));
+    assert!(
+        told.is_some_and(|told| told.contains("bring_up.rs:")),
+        "{texts:?}"
+    );
+    assert_eq!(value, Some(1.0));
+}
+
+#[test]
+fn a_fault_inside_a_frame_of_the_log_is_shown_and_told() {
+    let Some(firmware) = image() else { return };
+    let at = firmware.symbol(IN_A_FRAME).unwrap().address;
+    let case = Case {
+        at_once: Some(format!("hard fault at {at:#010x}")),
+        later: format!("hard fault at {at:#010x}"),
+        text: format!("hard fault at {at:#010x}"),
+        number: 2.0,
+    };
+    // The status line comes within a second.
+    let times = (Some(600 * MS), 3 * SECOND);
+    judge(&firmware, &case, times, patches(IN_A_FRAME, &[UNDEFINED]));
+}
+
+#[test]
+fn an_interrupt_without_a_handler_is_shown_and_told() {
+    let Some(firmware) = image() else { return };
+    let case = Case {
+        at_once: Some("interrupt 67 has no handler".to_owned()),
+        later: "interrupt 67 has no handler".to_owned(),
+        text: "no handler for exception 83".to_owned(),
+        number: 3.0,
+    };
+    judge(&firmware, &case, SHOWN, |board| {
+        board.poke_core(ISER2, 1 << 3);
+        board.poke_core(ISPR2, 1 << 3);
+        None
+    });
+    let case = Case {
+        at_once: Some("exception 2 has no handler".to_owned()),
+        later: "exception 2 has no handler".to_owned(),
+        text: "no handler for exception 2".to_owned(),
+        number: 3.0,
+    };
+    judge(&firmware, &case, SHOWN, |board| {
+        board.poke_core(ICSR, 1 << 31);
+        None
+    });
+}
+
+#[test]
+fn a_crystal_that_dies_is_shown_on_the_other_clock_and_told() {
+    let Some(firmware) = image() else { return };
+    let case = Case {
+        at_once: Some("the crystal failed".to_owned()),
+        later: "the crystal failed".to_owned(),
+        text: "the crystal failed".to_owned(),
+        number: 4.0,
+    };
+    judge(&firmware, &case, SHOWN, |board| {
+        board.fail_crystal().unwrap();
+        None
+    });
+}
+
+#[test]
+fn a_task_that_stops_is_found_shown_and_told() {
+    let Some(firmware) = image() else { return };
+    for (of, name) in [("gnss", "GNSS"), ("mavlink", "MAVLink")] {
+        let case = Case {
+            at_once: Some(format!("the {name} task stopped")),
+            later: format!("the {name} task stopped"),
+            text: format!("the task stopped: {name}"),
+            number: 5.0,
+        };
+        let task = task(of);
+        // It has a second to come by.
+        let times = (Some(1_100 * MS), 2 * SECOND);
+        judge(&firmware, &case, times, patches(&task, &[RETURN]));
+    }
+}
+
+#[test]
+fn a_tick_that_stops_is_told_after_the_watchdog() {
+    let Some(firmware) = image() else { return };
+    let case = Case {
+        at_once: None,
+        later: "the watchdog was not fed".to_owned(),
+        text: "the watchdog was not fed".to_owned(),
+        number: 6.0,
+    };
+    judge(&firmware, &case, (None, 2 * SECOND), |board| {
+        board.poke_core(SYST_CSR, 0);
+        None
+    });
+}
+
+#[test]
+fn the_third_restart_for_one_reason_is_not_made() {
+    let Some(firmware) = image() else { return };
+    let firmware = firmware.with_instruction(ALARM, UNDEFINED).unwrap();
+    let mut board = Builder::new(firmware).power_on().unwrap();
+    board.run_to(WorldNanos(10 * SECOND)).unwrap();
+    assert_eq!(board.restarts().unwrap().len(), 2);
+    let log = board.take_log().unwrap();
+    let last = log.last().unwrap();
+    assert_eq!(last.line.text, "stopped: restarting does not help");
+    // The group, a pause, and the number of the reason: 2, a hard fault.
+    let mut runs = flashes(&mut board, 10 * SECOND);
+    let cycle = [100, 100, 100, 100, 400, 1_000, 150, 250, 150, 850];
+    runs.drain(..runs.iter().position(|ms| *ms > 900).unwrap() + 5);
+    assert!(is_about(&runs, &cycle), "{runs:?}");
+    board.run_for(60 * SECOND).unwrap();
+    assert_eq!(board.restarts().unwrap().len(), 2, "it stays");
+}
+
+#[test]
+fn no_vector_is_a_branch_to_itself() {
+    let Some(firmware) = image() else { return };
+    let mut board = Builder::new(firmware.clone()).power_on().unwrap();
+    let mut vectors = 0;
+    for number in 1.. {
+        let Some(vector) = firmware.vector(number) else {
+            break;
+        };
+        if vector != 0 {
+            vectors += 1;
+            let first = board.code_at(vector & !1).unwrap();
+            assert_ne!(first, 0xE7FE, "vector {number} is `b .`");
+        }
+    }
+    assert!(vectors > 80, "{vectors}");
+}
+
+#[test]
+fn no_loop_is_missed_without_receiver_or_client_in_any_variant() {
+    let variables = [
+        "PIXCLOCK_IMAGE",
+        "PIXCLOCK_IMAGE_PAPER_DEFAULT",
+        "PIXCLOCK_IMAGE_PAPER_STEP1",
+        "PIXCLOCK_IMAGE_PAPER_STEP2_50",
+        "PIXCLOCK_IMAGE_PAPER_STEP2_1000",
+    ];
+    for variable in variables {
+        let Some(firmware) = Firmware::from_variable(variable).unwrap() else {
+            continue;
+        };
+        let mut board = Builder::new(firmware).power_on().unwrap();
+        board.run_to(WorldNanos(20 * SECOND)).unwrap();
+        assert_eq!(board.restarts().unwrap(), [], "{variable}");
+    }
+}

@@ -75,6 +75,16 @@ impl Pixhawk {
         Ok(before)
     }
 
+    /// Makes the core's next access to the addresses from `from` up to `to` a bus error: where there is no
+    /// memory, the emulator answers with 0 otherwise.
+    ///
+    /// # Errors
+    ///
+    /// The emulator gave up.
+    pub fn fail_next_access(&mut self, from: u32, to: u32) -> anyhow::Result<()> {
+        self.order(move |stopped| stopped.session.fail_next(from.into(), to.into()))
+    }
+
     /// Stops the crystal. The part's clock security system acts, if it is on; its NMI is raised from
     /// here, because the emulator's model of it does not reach the core.
     ///

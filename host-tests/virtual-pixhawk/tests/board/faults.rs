@@ -29,8 +29,10 @@ const MAIN: &str = "firmware::start::__cortex_m_rt_main";
 const UNDEFINED: u16 = 0xDE00;
 /// `bx lr`: a function that does nothing.
 const RETURN: u16 = 0x4770;
-/// Loads from 0x3000_0000, where no memory is.
-const LOAD_FROM_NOWHERE: [u16; 3] = [0x2030, 0x0600, 0x6800];
+/// Stores below SRAM, at 0x1FFF_FFFC, where no memory is.
+const STORE_TO_NOWHERE: [u16; 4] = [0x2020, 0x0600, 0x3804, 0x6000];
+/// Where no memory is, as a chip has it.
+const BELOW_SRAM: (u32, u32) = (0x1FFF_C008, 0x2000_0000);
 /// Pushes nine registers and begins again.
 const RECURSION: [u16; 2] = [0xB5FF, 0xE7FD];
 
@@ -247,14 +249,18 @@ fn a_hard_fault_is_shown_and_told_with_its_place() {
 #[test]
 fn a_bus_error_is_shown_and_told_with_its_address() {
     let Some(firmware) = image() else { return };
-    let at = firmware.symbol(ALARM).unwrap().address + 4;
+    let at = firmware.symbol(ALARM).unwrap().address + 6;
     let case = Case {
         at_once: Some(format!("hard fault at {at:#010x}")),
         later: format!("hard fault at {at:#010x}"),
         text: format!("hard fault at {at:#010x}"),
         number: 2.0,
     };
-    judge(&firmware, &case, SHOWN, patches(ALARM, &LOAD_FROM_NOWHERE));
+    judge(&firmware, &case, SHOWN, |board| {
+        let (from, to) = BELOW_SRAM;
+        board.fail_next_access(from, to).unwrap();
+        patches(ALARM, &STORE_TO_NOWHERE)(board)
+    });
 }
 
 #[test]
@@ -266,7 +272,11 @@ fn a_stack_overflow_is_shown_and_told() {
         text: "stack overflow".to_owned(),
         number: 2.0,
     };
-    judge(&firmware, &case, SHOWN, patches(ALARM, &RECURSION));
+    judge(&firmware, &case, SHOWN, |board| {
+        let (from, to) = BELOW_SRAM;
+        board.fail_next_access(from, to).unwrap();
+        patches(ALARM, &RECURSION)(board)
+    });
 }
 
 #[test]

@@ -1,17 +1,17 @@
 //! What is new about the clock, in the log and as [`ClockEvent`]s.
 //!
-//! *Purpose.* What the clock knows and does not know is told when it changes: the proof of its second,
+//! *Purpose.* What the clock knows and does not know is reported when it changes: the proof of its second,
 //! its source, and that it runs on by itself.
 //!
 //! *Design.* The GNSS task shows the clock after each change; what differs from the last time is
-//! told. That it is set and that it steps are told by the task itself, because no two states show it.
+//! reported. That it is set and that it steps are reported by the task itself, because no two states show it.
 
 use timebase::ClockState;
 use utc_clock::{SecondProof, Source, UtcClock};
 
 use crate::clock_events::{self, ClockEvent};
 
-/// What was told last.
+/// What was reported last.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct ClockNews {
     state: ClockState,
@@ -20,7 +20,7 @@ pub struct ClockNews {
 }
 
 impl ClockNews {
-    /// Nothing has been told of a clock that is unset.
+    /// Nothing has been reported of a clock that is unset.
     pub const fn new() -> Self {
         Self {
             state: ClockState::Unset,
@@ -38,14 +38,14 @@ impl ClockNews {
             source: clock.source(),
         };
         if *self != before {
-            self.tell(before);
+            self.report(before);
         }
     }
 
     #[inline(never)]
-    fn tell(self, before: Self) {
+    fn report(self, before: Self) {
         if self.state != before.state || self.second != before.second {
-            self.tell_state(before);
+            self.report_state(before);
         }
         match (before.source == Source::Pulse, self.source == Source::Pulse) {
             (false, true) => {
@@ -60,7 +60,7 @@ impl ClockNews {
         }
     }
 
-    fn tell_state(self, before: Self) {
+    fn report_state(self, before: Self) {
         let event = match (before.state, self.state) {
             (_, ClockState::Unset) => return,
             (_, ClockState::Unproved)

@@ -20,7 +20,7 @@
 //! place. So the shape of the pattern needs no particular clock.
 //!
 //! *Limits.* A fault with the fault handler's priority, or above it, locks the core up; then the watchdog
-//! resets the board, and the next run tells that.
+//! resets the board, and the next run reports that.
 
 use core::arch::naked_asm;
 use core::panic::PanicInfo;
@@ -61,7 +61,7 @@ const NOT_STACKED: u32 = 1 << 12 | 1 << 4;
 const BFAR_VALID: u32 = 1 << 15;
 const MMFAR_VALID: u32 = 1 << 7;
 
-/// A fault is being told: another one while it is comes from telling it.
+/// A fault is being reported: another one meanwhile comes from that.
 static IS_ENDING: AtomicBool = AtomicBool::new(false);
 
 unsafe extern "C" {
@@ -217,7 +217,7 @@ fn end_with(reason: Reason, place: Place, registers: Registers, message: &str) -
         registers,
         up_ms,
         history: History::at(reason, up_ms, before),
-        is_told: false,
+        is_reported: false,
     };
     story::keep(&record);
     // SAFETY: interrupts are off, and this never returns.

@@ -10,7 +10,7 @@
 //! |---|---|
 //! | `PIXCLOCK_SYSTEM_ID` | the MAVLink system id, 1 to 254; the build setting of that name is its value in the file |
 //! | `PIXCLOCK_DATE_FLOOR` | the earliest date that is believed, in days since 1970; 0 is the release's |
-//! | `PIXCLOCK_LEAP_SECONDS` | GPS less UTC for a receiver that cannot tell it, 1 to 127 s; 0: it has to be proved |
+//! | `PIXCLOCK_LEAP_SECONDS` | GPS less UTC for a receiver that does not send it, 1 to 127 s; 0: it has to be proved |
 //!
 //! *Limits.* A system id outside its range counts as the build setting: a node with the id 0 would
 //! speak as everybody.

@@ -27,7 +27,7 @@ fn main() -> ! {
     } = bring_up::bring_up();
     SAMPLES.open(samples);
     log_identity();
-    if let Some(reason) = story::tell() {
+    if let Some(reason) = story::report() {
         fault::stop(reason);
     }
     let high = executors::start_high();

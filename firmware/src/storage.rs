@@ -3,7 +3,7 @@
 //! *Design.* This may block, so it stands below every interrupt. The card is searched for at each use,
 //! so it may have been put in a moment before; its contents are the business of [`card_file`]. If the
 //! card fails in any way, the log stays in memory, and the same command tries again. The file's time is
-//! the clock's, in UTC. A save is told each 5 s, can be stopped, and ends by itself within a minute:
+//! the clock's, in UTC. A save is reported each 5 s, can be stopped, and ends by itself within a minute:
 //! its blocks are counted against a deadline that leaves room for the last one.
 
 use card_file::{BLOCK, Disk, DiskError};
@@ -23,7 +23,7 @@ use crate::{clock, thread};
 const LIMIT: Cycles = Cycles::from_micros(55_000_000);
 
 /// From one word about a save to the next.
-const TOLD_EVERY: Cycles = Cycles::from_micros(5_000_000);
+const REPORTED_EVERY: Cycles = Cycles::from_micros(5_000_000);
 
 /// Runs forever.
 pub fn run(mut slot: Option<Card>) -> ! {
@@ -81,7 +81,7 @@ fn save(card: &mut Card, began: Cycles) -> Result<(u16, u32), NotSaved> {
             let mut timed = Timed {
                 card,
                 began,
-                told: began,
+                reported: began,
             };
             card_file::save(&mut timed, csv::file_len(samples), &mut read_frozen, utc())
                 .map(|file| (file, samples))
@@ -115,7 +115,7 @@ fn utc() -> Option<CivilTime> {
 struct Timed<'a> {
     card: &'a mut Card,
     began: Cycles,
-    told: Cycles,
+    reported: Cycles,
 }
 
 impl Timed<'_> {
@@ -130,9 +130,9 @@ impl Timed<'_> {
         if is_over(self.began, LIMIT) {
             return Err(DiskError::TooSlow);
         }
-        if is_over(self.told, TOLD_EVERY) {
-            self.told = self.told.plus(TOLD_EVERY.0);
-            let for_s = Cycles(self.told.0.wrapping_sub(self.began.0)).as_micros() / 1_000_000;
+        if is_over(self.reported, REPORTED_EVERY) {
+            self.reported = self.reported.plus(REPORTED_EVERY.0);
+            let for_s = Cycles(self.reported.0.wrapping_sub(self.began.0)).as_micros() / 1_000_000;
             clock_events::push(ClockEvent::Saving { for_s });
         }
         Ok(())

@@ -1,6 +1,6 @@
-//! What the run before left behind: kept, read, and told.
+//! What the run before left behind: kept, read, and reported.
 //!
-//! *Purpose.* A fault is over when a person looks. So the next run tells it: in the log, in a
+//! *Purpose.* A fault is over when a person looks. So the next run reports it: in the log, in a
 //! STATUSTEXT, and as the parameter `PC_FAULT`.
 //!
 //! *Design.* The record is valid for the image that wrote it only, because it may name a file by its
@@ -42,15 +42,15 @@ pub fn keep(record: &Record) {
     backup::set_record(&record.to_words(image()));
 }
 
-/// Tells the fault that ended the run before, if one did. To be called once, before the first task. The
+/// Reports the fault that ended the run before, if one did. To be called once, before the first task. The
 /// backup registers are open. The reason to stop the board for, when the watchdog has reset it too
 /// often.
-pub fn tell() -> Option<Reason> {
+pub fn report() -> Option<Reason> {
     let mut found = recorded();
     let last_up_ms = backup::up_ms();
     backup::set_up_ms(0);
     // A fault has left its record, whatever has reset the board after that.
-    let by_watchdog = watchdog::take_was_reset() && found.is_none_or(|record| record.is_told);
+    let by_watchdog = watchdog::take_was_reset() && found.is_none_or(|record| record.is_reported);
     if by_watchdog {
         let reason = Reason::Watchdog;
         let before = found.map(|record| (record.reason, record.history));
@@ -60,18 +60,18 @@ pub fn tell() -> Option<Reason> {
             registers: Registers::default(),
             up_ms: last_up_ms,
             history: History::at(reason, last_up_ms, before),
-            is_told: false,
+            is_reported: false,
         });
     }
     let record = found?;
-    if record.is_told {
+    if record.is_reported {
         backup::set_record(&[0; fault_record::WORDS]);
         return None;
     }
     BEFORE.set(record.reason);
     log("before the restart: ", &record);
     keep(&Record {
-        is_told: true,
+        is_reported: true,
         ..record
     });
     clock_events::push(ClockEvent::Restarted {

@@ -293,9 +293,9 @@ fn handle(board: &mut Board, event: Event) {
             board.handle_pulse_of(board.now_ns + SECOND, width_ns);
         }
         Event::Forecast(forecast) => board.clock.handle_forecast(&forecast),
-        Event::LeapSeconds(told) => keeps_readings(board, |board| {
+        Event::LeapSeconds(received) => keeps_readings(board, |board| {
             let now = board.cycles(board.now_ns);
-            board.clock.handle_leap_seconds(&told, now);
+            board.clock.handle_leap_seconds(&received, now);
             board.clock.poll_leap_seconds(now);
         }),
         Event::Width(width_us) => board.clock.handle_pulse_width(width_us),
@@ -358,8 +358,8 @@ proptest! {
                     let at = Cycles(now).plus(Cycles::from_nanos(width_ns.unsigned_abs()).0);
                     clock.handle_edge(&PulseEdge { at, polarity: Polarity::Fall }, at);
                 }
-                Event::LeapSeconds(told) => {
-                    clock.handle_leap_seconds(&told, Cycles(now));
+                Event::LeapSeconds(received) => {
+                    clock.handle_leap_seconds(&received, Cycles(now));
                     clock.poll_leap_seconds(Cycles(now));
                 }
                 Event::Width(width_us) => clock.handle_pulse_width(width_us),

@@ -169,7 +169,7 @@ fn it_is_followed_in_phase_and_frequency() {
 
 #[test]
 fn a_pulse_at_a_wrong_phase_is_refused_from_the_start() {
-    // TIM-TP does not tell of it.
+    // TIM-TP does not announce it.
     each_seed(SEEDS, [100, 300, 500, -300], |checks, seed, late_ms| {
         let by_ns = late_ms * MS;
         let kind = PulseFaultKind::WrongPhase { by_ns };
@@ -258,7 +258,7 @@ fn a_pulse_behind_another_edge_is_as_good_as_lost() {
 fn another_receiver(phase_ms: i64) -> ReceiverSettings {
     ReceiverSettings {
         seed: 7,
-        // An uncommon width, which is set, tells ours from it.
+        // An uncommon width, which is set, distinguishes ours from it.
         pulse: PulseSettings {
             from: at_s(60),
             width_ns: 40_000_000,

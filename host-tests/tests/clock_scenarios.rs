@@ -129,18 +129,18 @@ fn a_leap_second_that_was_announced_is_stepped_over_when_it_is_over() {
     for in_s in [9, 10, 11] {
         let mut board = Board::new(Settings::DEFAULT, 0.0);
         let outcomes = over_a_leap_second(&mut board, |board| {
-            let told = LeapSeconds {
+            let received = LeapSeconds {
                 event: Some(LeapEvent { change: 1, in_s }),
                 ..leap_seconds(Cycles::BOOT)
             };
-            board.clock.handle_leap_seconds(&told, Cycles::BOOT);
+            board.clock.handle_leap_seconds(&received, Cycles::BOOT);
         });
         for (since, outcome) in &outcomes[1..] {
             let expected = match since {
                 0..SECOND => matches!(outcome, Outcome::Refused(Refusal::LeapSecond)),
                 _ => matches!(outcome, Outcome::Slewed { error_ns } if error_ns.abs() < 1_000),
             };
-            assert!(expected, "{since} ns, told {in_s} s: {outcome:?}");
+            assert!(expected, "{since} ns, announced {in_s} s: {outcome:?}");
         }
         assert_eq!(board.clock.counters().steps_back, 1);
         assert_eq!(board.read().state, ClockState::Set);

@@ -143,7 +143,7 @@ fn commands_to_others_and_to_all_are_ignored() {
 }
 
 #[test]
-fn versions_are_told_to_who_asks() {
+fn versions_are_sent_to_who_asks() {
     // REQUEST_MESSAGE of both, and the older commands.
     for (number, param1, what) in [
         (512, 148.0, Described::Autopilot),

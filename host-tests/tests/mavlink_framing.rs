@@ -513,7 +513,7 @@ const ERASE_IN_TUNNEL: [u8; 27] = [
 ];
 
 #[test]
-fn what_changes_something_is_not_heard_inside_of_another_message() {
+fn what_changes_something_is_not_obeyed_inside_of_another_message() {
     let inner = Frame::message(false, 121, 237, vec![1, 1]).bytes();
     let tunnel = |inner: &[u8]| {
         let payload = [&[0, 0, 42, 1, 10], inner, &[7]].concat();
@@ -568,7 +568,7 @@ fn a_claim_ends_with_its_length_its_checksum_or_the_silence_of_the_line() {
 }
 
 #[test]
-fn a_payload_that_is_longer_than_known_is_heard_by_its_known_part() {
+fn a_payload_that_is_longer_than_known_is_read_by_its_known_part() {
     for len in 15..=255 {
         for v2 in [false, true] {
             let Frame { payload, .. } = Frame::ping(false, 7, 0);

@@ -230,7 +230,7 @@ fn busy_us(event: &Event) -> u32 {
     match event {
         Event::NavPvt { mark, .. } => mark.busy_us,
         Event::TimTp(forecast) => forecast.busy_us,
-        Event::LeapSeconds(told) => told.busy_us,
+        Event::LeapSeconds(received) => received.busy_us,
         Event::Ack { .. } | Event::Nak { .. } => panic!("{event:?}"),
     }
 }

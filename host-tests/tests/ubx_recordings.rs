@@ -85,11 +85,13 @@ fn a_cold_start_is_reported_as_it_was() {
                 (None, true, 2_363)
             ),
             // The source is a configuration that nobody made, and its own flag does not confirm
-            // the count, before the sky has told it: Galileo.
-            Event::LeapSeconds(told) if solutions.len() < 51 => {
-                assert_eq!((told.source, told.count), (7, None));
+            // the count, before the sky has sent it: Galileo.
+            Event::LeapSeconds(received) if solutions.len() < 51 => {
+                assert_eq!((received.source, received.count), (7, None));
             }
-            Event::LeapSeconds(told) => assert_eq!((told.source, told.count), (5, Some(18))),
+            Event::LeapSeconds(received) => {
+                assert_eq!((received.source, received.count), (5, Some(18)));
+            }
             Event::Ack { .. } | Event::Nak { .. } => panic!("{event:?} stands in it"),
         }
     }

@@ -138,7 +138,9 @@ impl Board {
                             self.waits_us.push((mark.busy_us, waited_us));
                         }
                     }
-                    Event::LeapSeconds(told) => self.leap_seconds.push((burst.end(), told.count)),
+                    Event::LeapSeconds(received) => {
+                        self.leap_seconds.push((burst.end(), received.count));
+                    }
                     _ => {}
                 }
             }
@@ -419,7 +421,7 @@ fn with_raw_data() -> ReceiverSettings {
 }
 
 #[test]
-fn what_a_receiver_has_in_its_flash_is_switched_off_as_it_is_heard() {
+fn what_a_receiver_has_in_its_flash_is_switched_off_as_it_comes() {
     let mut receiver = Receiver::new(with_raw_data());
     // Its line is full before it is asked for anything.
     let mut before = Board::new();
@@ -509,7 +511,7 @@ fn what_goes_on_although_it_was_switched_off_is_named_once() {
 
 #[test]
 fn noise_makes_no_more_requests_than_its_names() {
-    // Each kind is heard twice, and refused.
+    // Each kind comes twice, and refused.
     let mut session = Session::new();
     let mut requests = 0;
     for ms in 0..60_000_u64 {
@@ -581,7 +583,7 @@ fn a_late_acknowledgement_of_the_pulse_is_one() {
 }
 
 #[test]
-fn leap_seconds_come_when_they_are_wanted_and_tell_when_they_are_known() {
+fn leap_seconds_come_when_they_are_wanted_and_say_when_they_are_known() {
     let mut receiver = Receiver::new(ReceiverSettings {
         leap: LeapKnowledge {
             built_with: 16,
@@ -614,9 +616,9 @@ fn an_answer_bounds_what_waits_behind_it_on_a_line_that_is_full() {
         let mut bounds_us = Vec::new();
         for tens in 1..20_u64 {
             board.session.handle_leap_seconds_wanted();
-            let heard = board.waits_us.len();
+            let before = board.waits_us.len();
             board.run(&mut receiver, WorldNanos((tens * 10 + 10) * SECOND));
-            let waits = &board.waits_us[heard..];
+            let waits = &board.waits_us[before..];
             // It never waited longer than is proved.
             for (bound_us, waited_us) in waits {
                 assert!(u64::from(*bound_us) >= *waited_us, "{bound_us} {waited_us}");
@@ -633,9 +635,9 @@ fn an_answer_bounds_what_waits_behind_it_on_a_line_that_is_full() {
 }
 
 #[test]
-fn a_receiver_that_tells_leap_seconds_by_itself_proves_nothing_until_it_is_quiet() {
+fn a_receiver_that_sends_leap_seconds_by_itself_proves_nothing_until_it_is_quiet() {
     let mut session = Session::new();
-    let told = |now: Cycles| {
+    let received = |now: Cycles| {
         Event::LeapSeconds(timebase::LeapSeconds {
             arrival: now,
             busy_us: u32::MAX,
@@ -663,13 +665,13 @@ fn a_receiver_that_tells_leap_seconds_by_itself_proves_nothing_until_it_is_quiet
             }
         }
         if polled || (!is_off && tenth % 10 == 0) {
-            let mut event = told(now);
+            let mut event = received(now);
             session.handle_event(now, &event);
             session.limit_wait(&mut event);
-            let Event::LeapSeconds(told) = event else {
+            let Event::LeapSeconds(received) = event else {
                 unreachable!()
             };
-            bounds.push((tenth, told.busy_us));
+            bounds.push((tenth, received.busy_us));
         }
     }
     assert!(is_off);

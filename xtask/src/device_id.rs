@@ -95,31 +95,34 @@ mod tests {
 
     #[test]
     fn a_number_is_told_in_words_and_as_bits() {
-        let told = answer("73225.0").unwrap();
+        let printed = answer("73225.0").unwrap();
         for line in [
             "73225  HMC5883, address 0x1E, I2C bus 1",
             "00000001 00011110 00001 001",
             "in PX4's guide: HMC5883 (magnetometer); in today's PX4: HMC5883 (magnetometer)",
         ] {
-            assert!(told.contains(line), "{told}");
+            assert!(printed.contains(line), "{printed}");
         }
-        assert_eq!(answer("0x11E09").unwrap(), told);
-        assert_eq!(answer("HMC5883, address 0x1E, I2C bus 1").unwrap(), told);
+        assert_eq!(answer("0x11E09").unwrap(), printed);
+        assert_eq!(answer("HMC5883, address 0x1E, I2C bus 1").unwrap(), printed);
     }
 
     #[test]
     fn both_names_are_told_where_they_differ() {
-        let told = answer("263178").unwrap();
+        let printed = answer("263178").unwrap();
         let lists = "in PX4's guide: MPU9250 (magnetometer); in today's PX4: AK8963 (magnetometer)";
-        assert!(told.contains(lists), "{told}");
+        assert!(printed.contains(lists), "{printed}");
     }
 
     #[test]
     fn a_name_alone_is_looked_up() {
-        let told = answer("mpu9250").unwrap();
-        assert_eq!(told.lines().count(), 3, "{told}");
+        let printed = answer("mpu9250").unwrap();
+        assert_eq!(printed.lines().count(), 3, "{printed}");
         let last = "device type 0x24  in PX4's guide: MPU9250 (gyroscope)";
-        assert!(told.lines().nth(2).unwrap().starts_with(last), "{told}");
+        assert!(
+            printed.lines().nth(2).unwrap().starts_with(last),
+            "{printed}"
+        );
     }
 
     #[test]
@@ -129,7 +132,7 @@ mod tests {
         let unknown = answer("HMC").unwrap_err();
         assert!(unknown.contains("no name"), "{unknown}");
         // An unknown type in a good id is no error.
-        let told = answer("0x100009").unwrap();
-        assert!(told.contains("unknown device type 0x10"), "{told}");
+        let printed = answer("0x100009").unwrap();
+        assert!(printed.contains("unknown device type 0x10"), "{printed}");
     }
 }

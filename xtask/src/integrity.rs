@@ -3,9 +3,9 @@
 //! *Purpose.* The count that has to be 0, the shares that show that it was not bought
 //! with silence, and the worst schedules as files for `replay`.
 //!
-//! *Design.* [`::flight::integrity`] draws, plays and counts; here it is told.
+//! *Design.* [`::flight::integrity`] draws, plays and counts; here it is printed.
 //!
-//! *Limits.* Faults that nothing on the board can tell are told apart, and decide
+//! *Limits.* Faults that nothing on the board can detect are reported apart, and decide
 //! nothing.
 
 use std::io::IsTerminal;
@@ -72,21 +72,21 @@ pub fn run(options: &Options) -> Result<ExitCode> {
     let progress = bar(total + (apart.end - apart.start));
     let started = Instant::now();
     let done = || progress.inc(1);
-    let told = campaign(seeds.clone(), Schedule::draw, options.worst, &done);
-    let untold = campaign(apart, Schedule::draw_untellable, 0, &done);
+    let detectable = campaign(seeds.clone(), Schedule::draw, options.worst, &done);
+    let undetectable = campaign(apart, Schedule::draw_undetectable, 0, &done);
     progress.finish_and_clear();
     let took_s = started.elapsed().as_secs_f64();
     if options.json {
-        println!("{}", value(&seeds, &told, &untold));
+        println!("{}", value(&seeds, &detectable, &undetectable));
     } else {
-        print!("{}", text(&seeds, &told, &untold));
+        print!("{}", text(&seeds, &detectable, &undetectable));
     }
     eprintln!(
         "{total} schedules in {took_s:.1} s: {:.0} times as fast as time",
-        (told.lasted_s + untold.lasted_s) / took_s
+        (detectable.lasted_s + undetectable.lasted_s) / took_s
     );
-    write_worst(options, &told)?;
-    Ok(if told.is_good() {
+    write_worst(options, &detectable)?;
+    Ok(if detectable.is_good() {
         ExitCode::SUCCESS
     } else {
         ExitCode::FAILURE
@@ -112,23 +112,23 @@ fn purpose(seeds: &Range<u64>) -> &'static str {
     }
 }
 
-fn text(seeds: &Range<u64>, told: &Campaign, untold: &Campaign) -> String {
+fn text(seeds: &Range<u64>, detectable: &Campaign, undetectable: &Campaign) -> String {
     let mut text = format!(
         "{} schedules of two to five faults, {}..{} ({}): {} misleading\n",
-        told.schedules,
+        detectable.schedules,
         seeds.start,
         seeds.end,
         purpose(seeds),
-        told.misleading.len()
+        detectable.misleading.len()
     );
-    if !told.misleading.is_empty() {
-        text += &format!("  seeds {}\n", listed(&told.misleading));
-        text += &format!("  with {}\n", kinds(told));
+    if !detectable.misleading.is_empty() {
+        text += &format!("  seeds {}\n", listed(&detectable.misleading));
+        text += &format!("  with {}\n", kinds(detectable));
     }
     text += "while nothing was wrong and had not been for long:\n";
     for (name, availability) in [
-        ("with a pulse", &told.with_pulse),
-        ("without", &told.without_pulse),
+        ("with a pulse", &detectable.with_pulse),
+        ("without", &detectable.without_pulse),
     ] {
         text += &format!("  {name:<13}");
         for (share_of, share) in availability.shares() {
@@ -138,11 +138,11 @@ fn text(seeds: &Range<u64>, told: &Campaign, untold: &Campaign) -> String {
         text.push('\n');
     }
     text += &format!(
-        "what nothing on the board can tell: {} of {} misleading\n",
-        untold.misleading.len(),
-        untold.schedules
+        "what nothing on the board can detect: {} of {} misleading\n",
+        undetectable.misleading.len(),
+        undetectable.schedules
     );
-    text += &format!("  with {}\n", kinds(untold));
+    text += &format!("  with {}\n", kinds(undetectable));
     text
 }
 
@@ -162,7 +162,7 @@ fn listed(seeds: &[u64]) -> String {
     format!("{}{more}", shown.join(" "))
 }
 
-fn value(seeds: &Range<u64>, told: &Campaign, untold: &Campaign) -> Value {
+fn value(seeds: &Range<u64>, detectable: &Campaign, undetectable: &Campaign) -> Value {
     let availability = |availability: &Availability| {
         let shares = availability.shares().map(|(name, share)| {
             let value = json!({ "good": share.good, "of": share.of });
@@ -172,15 +172,15 @@ fn value(seeds: &Range<u64>, told: &Campaign, untold: &Campaign) -> Value {
     };
     json!({
         "seeds": [seeds.start, seeds.end],
-        "schedules": told.schedules,
-        "misleading": told.misleading.len(),
-        "misleading_seeds": told.misleading,
-        "with_pulse": availability(&told.with_pulse),
-        "without_pulse": availability(&told.without_pulse),
-        "untellable": {
-            "schedules": untold.schedules,
-            "misleading": untold.misleading.len(),
-            "kinds": untold
+        "schedules": detectable.schedules,
+        "misleading": detectable.misleading.len(),
+        "misleading_seeds": detectable.misleading,
+        "with_pulse": availability(&detectable.with_pulse),
+        "without_pulse": availability(&detectable.without_pulse),
+        "undetectable": {
+            "schedules": undetectable.schedules,
+            "misleading": undetectable.misleading.len(),
+            "kinds": undetectable
                 .misled_by
                 .iter()
                 .map(|(kind, misled)| {
@@ -193,8 +193,8 @@ fn value(seeds: &Range<u64>, told: &Campaign, untold: &Campaign) -> Value {
 }
 
 /// Each of the worst as a file.
-fn write_worst(options: &Options, told: &Campaign) -> Result<()> {
-    if told.worst.is_empty() {
+fn write_worst(options: &Options, detectable: &Campaign) -> Result<()> {
+    if detectable.worst.is_empty() {
         return Ok(());
     }
     let folder = match &options.out {
@@ -202,7 +202,7 @@ fn write_worst(options: &Options, told: &Campaign) -> Result<()> {
         None => image::target_dir()?.join("integrity"),
     };
     std::fs::create_dir_all(&folder)?;
-    for played in &told.worst {
+    for played in &detectable.worst {
         let file = folder.join(format!("seed-{}.ev", played.schedule.seed));
         let flight = Flight::from(&played.schedule);
         std::fs::write(&file, flight.to_string())
@@ -244,14 +244,14 @@ mod tests {
     #[test]
     fn people_and_programs_are_told_the_same() {
         let drawn = campaign(0..2, Schedule::draw, 1, &|| {});
-        let apart = campaign(0..1, Schedule::draw_untellable, 0, &|| {});
-        let told = value(&(0..2), &drawn, &apart);
-        assert_eq!(told["schedules"], 2);
-        let misleading = told["misleading"].as_u64().unwrap();
+        let apart = campaign(0..1, Schedule::draw_undetectable, 0, &|| {});
+        let detectable = value(&(0..2), &drawn, &apart);
+        assert_eq!(detectable["schedules"], 2);
+        let misleading = detectable["misleading"].as_u64().unwrap();
         let lines = text(&(0..2), &drawn, &apart);
         assert!(lines.contains(&format!("(seeds for tuning): {misleading} misleading")));
         for name in ["set", "within", "claimed", "close"] {
-            assert!(told["with_pulse"][name]["of"].is_u64());
+            assert!(detectable["with_pulse"][name]["of"].is_u64());
             assert!(lines.contains(name));
         }
     }

@@ -78,7 +78,7 @@ pub fn run(options: &Options) -> Result<ExitCode> {
         round.print_summary();
     }
     for node in &mut round.nodes {
-        // A line that is gone has been told.
+        // A line that is gone has been reported.
         let _ = node.look_around();
     }
     let mut code = ExitCode::SUCCESS;

@@ -214,8 +214,8 @@ fn image_of_board(
     let id = system_id(index);
     let mut elf = console::with_word(&elf, Word::SystemId, id.into())?;
     if let Some(recording) = recording(options)? {
-        let (began, told) = (recording.began_utc_ns(), recording.tells_leap_seconds());
-        elf = console::for_recording(&elf, began, told, options.floor)?;
+        let (began, has_leap_seconds) = (recording.began_utc_ns(), recording.has_leap_seconds());
+        elf = console::for_recording(&elf, began, has_leap_seconds, options.floor)?;
     }
     let stem = image.file_stem().context("an image has a name")?;
     let name = format!("{}-system{id}.elf", stem.to_string_lossy());

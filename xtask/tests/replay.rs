@@ -1,11 +1,11 @@
 //! `replay` of a flight as people and judges start it: exit codes, files, JSON.
 //!
-//! The clock never hears anything here, so that its verdicts do not depend on it.
+//! The clock gets no mark here, so that its verdicts do not depend on it.
 
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Ten seconds in which nothing is heard.
+/// Ten seconds in which nothing arrives.
 const SILENT: &str = "# window 0 5 first half\n10000000,pulse\n";
 
 const DEMANDS: &str = "file,from_s,to_s,demand,bound_ns\n\
@@ -30,14 +30,14 @@ fn replay(folder: &Path, name: &str, arguments: &[&str]) -> Output {
 fn demands_decide_the_exit_code() {
     let folder = tempfile::tempdir().unwrap();
     let run = |name| replay(folder.path(), name, &["--demands", "demands.csv"]);
-    let told = |output: &Output| String::from_utf8_lossy(&output.stdout).into_owned();
+    let printed = |output: &Output| String::from_utf8_lossy(&output.stdout).into_owned();
     let met = run("silent.ev");
     assert_eq!(met.status.code(), Some(0));
-    assert!(told(&met).contains("met      0-5 s: not misleading"));
+    assert!(printed(&met).contains("met      0-5 s: not misleading"));
     let unmet = run("late.ev");
     assert_eq!(unmet.status.code(), Some(1));
-    assert!(told(&unmet).contains("met      0-5 s: not misleading"));
-    assert!(told(&unmet).contains("NOT MET  5-9 s: right within 90 ms: set in 0.0 %"));
+    assert!(printed(&unmet).contains("met      0-5 s: not misleading"));
+    assert!(printed(&unmet).contains("NOT MET  5-9 s: right within 90 ms: set in 0.0 %"));
     assert_eq!(run("unnamed.ev").status.code(), Some(2));
 }
 
@@ -56,10 +56,10 @@ fn each_reading_is_written_and_the_json_is_one_object() {
         ],
     );
     assert!(output.status.success());
-    let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(told["windows"][0]["name"], "first half");
-    assert_eq!(told["windows"][0]["readings"], 136);
-    assert_eq!(told["windows"][0]["states"]["unset"], 136);
+    let printed: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(printed["windows"][0]["name"], "first half");
+    assert_eq!(printed["windows"][0]["readings"], 136);
+    assert_eq!(printed["windows"][0]["states"]["unset"], 136);
     let readings = std::fs::read_to_string(folder.path().join("readings.csv")).unwrap();
     let lines: Vec<&str> = readings.lines().collect();
     // At 0, 37, 74 … up to 9 990 ms.
@@ -80,9 +80,9 @@ fn a_bad_line_is_told_by_its_number() {
         .output()
         .unwrap();
     assert_eq!(output.status.code(), Some(1));
-    let told = String::from_utf8_lossy(&output.stderr);
+    let printed = String::from_utf8_lossy(&output.stderr);
     assert!(
-        told.contains("line 2: the event is `knock`, allowed is mark, mark60"),
-        "{told}"
+        printed.contains("line 2: the event is `knock`, allowed is mark, mark60"),
+        "{printed}"
     );
 }

@@ -140,7 +140,7 @@ pub fn clocks(rcc: Rcc) -> Result<Rcc, CrystalFailed> {
 /// Whether the clock security system has found that the crystal stopped; its request is taken back, else
 /// the NMI would come again and again.
 pub fn take_crystal_failure() -> bool {
-    // SAFETY: a fault is being told, so nothing else uses RCC. This clears the flags.
+    // SAFETY: a fault is being reported, so nothing else uses RCC. This clears the flags.
     let cir = unsafe { (*RCC::ptr()).cir() };
     let has_failed = cir.read().bits() & CSSF != 0;
     // SAFETY: as above.

@@ -8,11 +8,11 @@
 //! would have the last of them, and a filter would be restarted by each: with 95 ns and more it would
 //! move the edge by an unknown time. The interrupt reads counter and SysTick side by side, which says
 //! when the counter started ([`timebase::capture`]); an edge for which that is not clear is counted and
-//! not told. So nothing measured once has to stay true: a debugger that halts one of the counters
+//! not passed on. So nothing measured once has to stay true: a debugger that halts one of the counters
 //! spoils one pulse.
 //!
 //! A falling edge says how long the pulse was, to which its handler's lateness matters nothing: it
-//! is told as of the interrupt.
+//! is stamped as of the interrupt.
 //!
 //! The interrupt disables itself at each edge, and the alarm enables it again ([`enable`]): so a wire that
 //! bounces, or that nothing drives, costs one interrupt a millisecond and no more. A pull-down
@@ -74,7 +74,7 @@ pub struct EdgeCounters {
     pub queued: u32,
     /// Times that at least one more followed before the next alarm: bounces, noise.
     pub followed: u32,
-    /// Rises that were not told, because the readings did not say when they came.
+    /// Rises that were not passed on, because the readings did not say when they came.
     pub unclear: u32,
     /// Edges that found the queue full.
     pub queue_full: u32,
@@ -84,7 +84,7 @@ pub struct EdgeCounters {
 pub struct Pulse(());
 
 static EDGES: Channel<CriticalSectionRawMutex, PulseEdge, 8> = Channel::new();
-/// The last rise that was told, the low word of its cycles: for a probe.
+/// The last rise that was passed on, the low word of its cycles: for a probe.
 static LAST_RISE: AtomicU32 = AtomicU32::new(0);
 /// An edge was captured, and the alarm has not come since.
 static IS_DISABLED: AtomicBool = AtomicBool::new(false);
@@ -130,7 +130,7 @@ pub fn enable() {
 }
 
 /// Makes the counter stand at 0 until a rise starts it. One that comes meanwhile starts nothing and
-/// is not told.
+/// is not passed on.
 fn arm(tim4: &RegisterBlock) {
     // SAFETY: TS is the same as in every other write.
     tim4.smcr()
@@ -182,20 +182,20 @@ fn TIM4() {
     let rise = (seen & bits::SR_TIF != 0).then(|| started_at(tim4));
     let has_fallen = seen & bits::SR_CC1IF != 0;
     match rise {
-        None if has_fallen => tell(now, Polarity::Fall),
+        None if has_fallen => push_edge(now, Polarity::Fall),
         None => {}
         Some(None) => count(&UNCLEAR),
         Some(Some(rise)) => {
             // A fall before the start was captured at 0.
             let fell_after = RATIO.cast_unsigned() * u32::from(tim4.ccr1().read().ccr().bits());
             if has_fallen && fell_after == 0 {
-                tell(rise, Polarity::Fall);
+                push_edge(rise, Polarity::Fall);
             }
             // SAFETY: this handler alone writes it. Volatile, else nobody seems to read it.
             unsafe { LAST_RISE.as_ptr().write_volatile(rise.stamp().0) };
-            tell(rise, Polarity::Rise);
+            push_edge(rise, Polarity::Rise);
             if has_fallen && fell_after != 0 {
-                tell(rise.plus(fell_after.into()), Polarity::Fall);
+                push_edge(rise.plus(fell_after.into()), Polarity::Fall);
             }
         }
     }
@@ -221,7 +221,7 @@ fn started_at(tim4: &RegisterBlock) -> Option<Cycles> {
 
 /// Gives an edge to the GNSS task.
 #[inline(never)]
-fn tell(at: Cycles, polarity: Polarity) {
+fn push_edge(at: Cycles, polarity: Polarity) {
     match EDGES.try_send(PulseEdge { at, polarity }) {
         Ok(()) => count(&QUEUED),
         Err(_) => count(&QUEUE_FULL),

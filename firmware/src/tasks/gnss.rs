@@ -85,7 +85,9 @@ impl Gnss {
             match event {
                 Event::NavPvt { mark, .. } => self.handle_mark(&mark),
                 Event::TimTp(forecast) => self.clock.handle_forecast(&forecast),
-                Event::LeapSeconds(told) => self.clock.handle_leap_seconds(&told, time::now()),
+                Event::LeapSeconds(received) => {
+                    self.clock.handle_leap_seconds(&received, time::now());
+                }
                 Event::Ack { .. } | Event::Nak { .. } => {}
             }
         }

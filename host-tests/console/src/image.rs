@@ -19,7 +19,7 @@ pub enum Word {
     SystemId,
     /// The earliest date that the clock believes, in days since 1970; 0 is the release's.
     DateFloor,
-    /// GPS less UTC for a receiver that cannot tell it, in s; 0: it has to be proved.
+    /// GPS less UTC for a receiver that does not send it, in s; 0: it has to be proved.
     LeapSeconds,
 }
 
@@ -70,7 +70,7 @@ const LEAP_SECONDS: u32 = 18;
 
 /// The image `elf`, but with the clock's settings for a recording: no date before the day of
 /// `began_utc_ns`, or before `floor_days` since 1970, is believed; and the leap count is configured
-/// unless the recording `tells_leap_seconds`.
+/// unless the recording `has_leap_seconds`.
 ///
 /// # Errors
 ///
@@ -78,13 +78,13 @@ const LEAP_SECONDS: u32 = 18;
 pub fn for_recording(
     elf: &[u8],
     began_utc_ns: Option<i64>,
-    tells_leap_seconds: bool,
+    has_leap_seconds: bool,
     floor_days: Option<u32>,
 ) -> anyhow::Result<Vec<u8>> {
     const DAY_NS: i64 = 86_400_000_000_000;
     let began = began_utc_ns.and_then(|ns| u32::try_from(ns / DAY_NS).ok());
     let floor = floor_days.or(began).unwrap_or(0);
-    let leap_seconds = if tells_leap_seconds { 0 } else { LEAP_SECONDS };
+    let leap_seconds = if has_leap_seconds { 0 } else { LEAP_SECONDS };
     let elf = with_word(elf, Word::DateFloor, floor)?;
     with_word(&elf, Word::LeapSeconds, leap_seconds)
 }

@@ -264,9 +264,9 @@ mod tests {
     #[test]
     fn a_table_is_read_and_a_bad_one_says_where() {
         let demands = parse(TABLE.as_bytes()).unwrap();
-        let told: Vec<_> = demands.iter().map(Demand::to_string).collect();
+        let printed: Vec<_> = demands.iter().map(Demand::to_string).collect();
         assert_eq!(
-            told,
+            printed,
             [
                 "0-30 s: not misleading",
                 "30-100 s: right within 0.00025 ms",
@@ -339,9 +339,9 @@ mod tests {
     #[test]
     fn misleading_comes_before_all_other_reasons() {
         for kind in [Kind::NotMisleading, Kind::Right { bound_ns: 250 }] {
-            let told = verdict(kind, |k| (k > 100).then_some((1_000_000, 10)));
+            let printed = verdict(kind, |k| (k > 100).then_some((1_000_000, 10)));
             assert!(matches!(
-                told,
+                printed,
                 Err(Unmet::Misleading {
                     worst_ns: 1_000_000,
                     ..

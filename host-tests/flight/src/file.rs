@@ -350,7 +350,7 @@ mod tests {
 
     #[test]
     fn an_error_says_the_line_what_was_wrong_and_what_is_allowed() {
-        for (line, told) in [
+        for (line, printed) in [
             (
                 "x,pulse",
                 "the time is `x`, allowed is a decimal number of us, from -6e7 to 1e12",
@@ -423,7 +423,7 @@ mod tests {
                 format!("# a comment\n{line}\n")
             };
             let error = Flight::parse(&text).unwrap_err();
-            assert_eq!(error.to_string(), format!("line 2: {told}"), "{line}");
+            assert_eq!(error.to_string(), format!("line 2: {printed}"), "{line}");
         }
     }
 

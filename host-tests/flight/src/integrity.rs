@@ -14,7 +14,7 @@
 //! | claimed | calm and set | claim 5 µs at most with a pulse, 250 ms without |
 //! | close | the pulse was followed for 60 s on end and nothing was wrong in them | claim 200 ns at most |
 //!
-//! *Limits.* What nothing on the board can tell is judged apart.
+//! *Limits.* What nothing on the board can detect is judged apart.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::{AddAssign, Range};
@@ -34,7 +34,7 @@ pub const TUNING: Range<u64> = 0..1_000_000;
 pub const JUDGING: Range<u64> = 1_000_000..1_002_000;
 /// Seeds that are judged each time that everything is checked.
 pub const CHECKED: Range<u64> = 2_000_000..2_000_200;
-/// Of so many schedules that can be told there is one that cannot.
+/// Of so many schedules that can be detected there is one that cannot.
 pub const TELLABLE_PER_UNTELLABLE: u64 = 10;
 
 /// A schedule without faults has a receiver with a latency that no clock allows for.
@@ -302,7 +302,7 @@ impl Campaign {
     }
 }
 
-/// Draws and plays a schedule a seed, on all cores, and keeps the `worst` ones; tells
+/// Draws and plays a schedule a seed, on all cores, and keeps the `worst` ones; reports
 /// `done` after each.
 pub fn campaign(
     seeds: Range<u64>,

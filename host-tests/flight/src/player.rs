@@ -25,7 +25,7 @@ const PULSE_TASK_NS: i64 = 20_000;
 const TIMER_LATE: u64 = 10_000;
 const DAY_NS: i64 = 86_400_000_000_000;
 
-/// What the clock is told beside the flight.
+/// What the clock knows beside the flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Setup {
     /// The earliest date that is believed, in ns of UTC since 1970; the release's own
@@ -189,7 +189,7 @@ fn handle(
             names,
             busy_us,
         } => {
-            // What a flight does not tell is not claimed.
+            // What a flight does not say is not claimed.
             let flags = names.map_or(0, |names| names.flags);
             clock.handle_forecast(&PulseForecast {
                 arrival,
@@ -208,7 +208,7 @@ fn handle(
             to_event_s,
             busy_us,
         } => {
-            let told = LeapSeconds {
+            let received = LeapSeconds {
                 arrival,
                 busy_us: busy(busy_us),
                 source,
@@ -218,7 +218,7 @@ fn handle(
                     in_s: to_event_s,
                 }),
             };
-            clock.handle_leap_seconds(&told, now);
+            clock.handle_leap_seconds(&received, now);
         }
     }
 }

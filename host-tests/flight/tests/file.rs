@@ -115,8 +115,8 @@ proptest! {
     ) {
         if let Err(error) = Flight::parse(&lines.join("\n")) {
             prop_assert!((1..=lines.len()).contains(&error.line));
-            let told = error.to_string();
-            prop_assert!(told.contains("allowed") || told.contains("behind the last"), "{}", told);
+            let printed = error.to_string();
+            prop_assert!(printed.contains("allowed") || printed.contains("behind the last"), "{}", printed);
         }
     }
 }

@@ -53,12 +53,12 @@ fn is_same(one: &str, other: &str) -> bool {
 fn the_verdicts_are_those_of_another_judge() {
     let table = file("demands.csv");
     let all = demands::parse(table.as_bytes()).unwrap();
-    let told = table
+    let printed = table
         .lines()
         .skip(1)
         .map(|line| line.rsplit_once(',').unwrap().1);
     let mut unmet = 0;
-    for (demand, told) in all.iter().zip(told) {
+    for (demand, printed) in all.iter().zip(printed) {
         let flight = Flight::parse(&file(&demand.file)).unwrap();
         let mut judged = Judged::new(demand);
         for line in file(&format!("{}.csv", demand.file)).lines().skip(1) {
@@ -69,8 +69,8 @@ fn the_verdicts_are_those_of_another_judge() {
         unmet += usize::from(verdict.is_err());
         let verdict = verdict.map_or_else(|unmet| unmet.to_string(), |()| "met".to_owned());
         assert!(
-            is_same(&verdict, told),
-            "{}: {demand}: {verdict}, not {told}",
+            is_same(&verdict, printed),
+            "{}: {demand}: {verdict}, not {printed}",
             demand.file
         );
     }

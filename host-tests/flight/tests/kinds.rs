@@ -2,7 +2,7 @@
 //! time that is right.
 //!
 //! Bounds are those of the field reports: 250 ns under a proved pulse; without one the
-//! receiver's latency and 20 ms, or 20 ms alone where a pulse has told it.
+//! receiver's latency and 20 ms, or 20 ms alone where a pulse has measured it.
 
 use flight::demands::{Demand, Kind};
 use flight::player::Setup;
@@ -112,7 +112,7 @@ fn b_only_a_pulse_that_is_proved_is_believed() {
         let never = schedule(true, 200.0, &[(0.0, 200.0, kind)]);
         right(&never, &[(30.0, 200.0, UNTOLD_NS)]);
     }
-    // A camera's pulse in place of ours: the messages, with the latency that ours told.
+    // A camera's pulse in place of ours: the messages, with the latency that ours measured.
     let camera = FaultKind::PulseSwap {
         phase_ms: 4.0,
         ppm: -3.0,

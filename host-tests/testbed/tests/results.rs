@@ -236,7 +236,7 @@ fn each_bound_holds_or_breaks_by_what_was_measured() {
 }
 
 #[test]
-fn a_run_without_a_pair_is_told_and_breaks_nothing_else() {
+fn a_run_without_a_pair_is_reported_and_breaks_nothing_else() {
     let mut experiment = experiment(good);
     experiment.runs.truncate(2);
     for run in &mut experiment.runs {

@@ -5,7 +5,7 @@
 //!
 //! *Design.* The crystal's error is one number: it moves HSE, so every peripheral,
 //! and the core clock, so SysTick and the DWT counter. The core retires an
-//! instruction in so many cycles as it is told, one if it is told nothing:
+//! instruction in the cycles that its setting says, one without a setting:
 //! [`CyclesPerInstruction`].
 //!
 //! *Limits.* The error is rounded to whole Hz of HSE (41.7 ppb) and stays as it is

@@ -33,7 +33,7 @@ const ANCHOR: &str = "firmware::drivers::time::WORDS";
 /// TIM5's counter (RM0090 2.3, 18.4.10), which counts every second core cycle.
 const WITNESS: u64 = 0x4000_0C00 + 0x24;
 const WITNESS_RATIO: u32 = 2;
-/// The last rise of the pulse that was told, the low word of its cycles.
+/// The last rise of the pulse that was passed on, the low word of its cycles.
 const LAST_RISE: &str = "firmware::drivers::pulse::LAST_RISE";
 /// Between two looks, in ns, and by how many cycles they may disagree about it.
 const APART_NS: u64 = 2_000;

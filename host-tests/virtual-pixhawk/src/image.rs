@@ -141,7 +141,7 @@ impl Firmware {
 
     /// The same image for a board that is played `recording`: its date floor is no later than the
     /// recording, or `floor_days` since 1970, and the leap count is configured where the recording
-    /// does not tell it.
+    /// does not say it.
     ///
     /// # Errors
     ///
@@ -154,7 +154,7 @@ impl Firmware {
         let elf = console::for_recording(
             &self.elf,
             recording.began_utc_ns(),
-            recording.tells_leap_seconds(),
+            recording.has_leap_seconds(),
             floor_days,
         )?;
         Self::parse(&self.path, elf)

@@ -33,7 +33,7 @@ use crate::pulse_wire::{PulseWire, synchronised};
 use crate::script::Script;
 use crate::wire::{ReceivedByte, Wire};
 
-/// The variable that says how many cycles an instruction takes on a board whose builder is told nothing
+/// The variable that says how many cycles an instruction takes on a board whose builder has no setting
 /// else, 1 without it; `cargo xtask board-test` plays its tests by it.
 pub const PACE_VARIABLE: &str = "PIXCLOCK_CYCLES_PER_INSTRUCTION";
 

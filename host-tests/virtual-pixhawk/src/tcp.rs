@@ -271,7 +271,7 @@ mod tests {
         let mut other = client(&line);
         let mut sent = 0;
         let mut taken = 0;
-        let mut heard = false;
+        let mut received = false;
         // A second of the world's.
         while line.next_event().unwrap() < WorldNanos(1_000_000_000) {
             sent += flooding.write(&[0; 4_096]).unwrap_or(0);
@@ -280,10 +280,10 @@ mod tests {
             }
             if let Some(transmission) = line.poll(line.next_event().unwrap()) {
                 taken += transmission.bytes.len();
-                heard |= transmission.bytes.windows(5).any(|bytes| bytes == b"hello");
+                received |= transmission.bytes.windows(5).any(|bytes| bytes == b"hello");
             }
         }
-        assert!(heard);
+        assert!(received);
         // 11 520 bytes a second, and what was taken ahead.
         assert!((11_000..13_000).contains(&taken), "{taken} of {sent}");
         assert!(sent > taken, "the rest waits in the sockets");

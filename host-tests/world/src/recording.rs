@@ -53,7 +53,7 @@ pub struct Recording {
     line_free: WorldNanos,
     truth: Vec<Sent>,
     began_utc_ns: Option<i64>,
-    tells_leap_seconds: bool,
+    has_leap_seconds: bool,
 }
 
 impl Recording {
@@ -107,7 +107,7 @@ impl Recording {
             line_free: WorldNanos(0),
             truth: Vec::new(),
             began_utc_ns,
-            tells_leap_seconds: !ubx::find_frames(file, |class, id, _| (class, id) == NAV_TIMELS)
+            has_leap_seconds: !ubx::find_frames(file, |class, id, _| (class, id) == NAV_TIMELS)
                 .is_empty(),
         })
     }
@@ -120,8 +120,8 @@ impl Recording {
 
     /// Whether there is a NAV-TIMELS in it.
     #[must_use]
-    pub const fn tells_leap_seconds(&self) -> bool {
-        self.tells_leap_seconds
+    pub const fn has_leap_seconds(&self) -> bool {
+        self.has_leap_seconds
     }
 }
 
@@ -217,9 +217,9 @@ mod tests {
         let mut file = [unresolved, nav_pvt(0), nav_pvt(200)].concat();
         let recording = Recording::new(&file).unwrap();
         assert_eq!(recording.began_utc_ns(), Some(NOON_NS));
-        assert!(!recording.tells_leap_seconds());
+        assert!(!recording.has_leap_seconds());
         file.extend(ubx::frame(0x01, 0x26, &[0; 24]));
-        assert!(Recording::new(&file).unwrap().tells_leap_seconds());
+        assert!(Recording::new(&file).unwrap().has_leap_seconds());
     }
 
     #[test]

@@ -24,11 +24,12 @@
 //! | pulse doubled, at N Hz, inverted, of another width, another device's, lost, odd | until the end |
 //! | qErr | to the ends of its 32 bits; TIM-TP on another base or in another week until the end |
 //!
-//! *Limits.* [`Schedule::draw`] leaves out what nothing on the board can tell, by
-//! [its rules](Schedule::is_tellable); [`Schedule::draw_untellable`] draws that alone.
+//! *Limits.* [`Schedule::draw`] leaves out what nothing on the board can detect, by
+//! [its rules](Schedule::is_detectable); [`Schedule::draw_undetectable`] draws that alone.
 
 mod belief;
 mod calm;
+mod detectable;
 mod draw;
 mod fault;
 mod messages;
@@ -37,7 +38,6 @@ mod plan;
 mod polls;
 mod queue;
 mod sizes;
-mod tellable;
 mod wire;
 
 pub use calm::Calm;

@@ -234,7 +234,7 @@ pub fn tim_tp_payload(pulse_utc_ns: i64, late_ps: i32) -> [u8; TIM_TP_LEN] {
     payload
 }
 
-/// A NAV-TIMELS payload at `utc_ns`: `count` leap seconds, as the GPS satellites tell (source 2) or as
+/// A NAV-TIMELS payload at `utc_ns`: `count` leap seconds, as the GPS satellites send (source 2) or as
 /// the firmware has it (source 0, not valid). No event is known.
 #[must_use]
 pub fn nav_timels_payload(utc_ns: i64, count: i8, is_from_sky: bool) -> [u8; NAV_TIMELS_LEN] {

@@ -212,7 +212,7 @@ fn the_pieces_reach_what_is_promised() {
         // A ms of rounding.
         assert!(most[name] >= size - 0.001, "{name}: {}", most[name]);
     }
-    // And nothing lasts longer than can be told.
+    // And nothing lasts longer than can be detected.
     assert!(most["a shift with proof"] <= 20.0);
     assert!(most["an hour's time"] <= 200.001);
     assert!(most["labels' time"] <= 60.001);
@@ -468,11 +468,11 @@ fn a_floor_that_moves_is_an_excuse_without_a_pulse_alone() {
     assert!(!calm.has(74.0) && calm.has(75.0) && calm.has(301.0) && calm.has(701.0));
     schedule.receiver.has_pulse = false;
     let calm = schedule.calm();
-    let told = [
+    let observed = [
         199.0, 200.0, 299.0, 300.0, 599.0, 600.0, 700.0, 999.0, 1_000.0,
     ];
     let expected = [false, true, true, false, false, true, false, false, true];
-    assert_eq!(told.map(|at_s| calm.has(at_s)), expected);
+    assert_eq!(observed.map(|at_s| calm.has(at_s)), expected);
     assert_eq!(
         [299.0, 300.0, 700.0].map(|at_s| schedule.floor_ms(at_s)),
         [70.0, 130.0, 70.0]
@@ -483,14 +483,14 @@ fn a_floor_that_moves_is_an_excuse_without_a_pulse_alone() {
 fn what_cannot_be_told_is_never_drawn_among_the_others() {
     for seed in 0..1_000 {
         let schedule = Schedule::draw(seed);
-        assert!(schedule.is_tellable(), "{seed}");
-        let is_untellable = |fault: &Fault| {
+        assert!(schedule.is_detectable(), "{seed}");
+        let is_undetectable = |fault: &Fault| {
             matches!(
                 fault.kind,
                 FaultKind::ForgedSky { .. } | FaultKind::PulseDragged { .. }
             )
         };
-        assert!(!schedule.faults.iter().any(is_untellable), "{seed}");
+        assert!(!schedule.faults.iter().any(is_undetectable), "{seed}");
     }
     // Wrong labels before the clock can know better are an example.
     let kind = FaultKind::Labels {
@@ -498,7 +498,7 @@ fn what_cannot_be_told_is_never_drawn_among_the_others() {
         is_in_tim_tp: true,
     };
     let with = |from_s: f64| schedule(vec![fault(from_s, from_s + 5.0, kind)]);
-    assert!(!with(20.0).is_tellable() && with(41.0).is_tellable());
+    assert!(!with(20.0).is_detectable() && with(41.0).is_detectable());
 }
 
 #[test]

@@ -152,7 +152,7 @@ impl Node {
         Ok(None)
     }
 
-    /// Where no answer came in time: hears for a while who is there at all.
+    /// Where no answer came in time: listens for a while who is there at all.
     ///
     /// # Errors
     ///

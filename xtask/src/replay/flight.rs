@@ -3,7 +3,7 @@
 //! *Purpose.* A table a window, a picture, the readings for other judges, and the
 //! verdict on what is demanded of the flight.
 //!
-//! *Design.* [`::flight`] plays and judges; here it is told.
+//! *Design.* [`::flight`] plays and judges; here it is printed.
 //!
 //! *Limits.* `misleading` adds up the runs of more than 1 s.
 
@@ -241,15 +241,15 @@ mod tests {
     #[test]
     fn programs_are_told_in_the_shape_that_is_promised() {
         let flight = flight("# window 50 51 one second\n# window 70 80 nothing\n");
-        let told = value(&replay(&flight, &Setup::default(), &[], |_| {}));
-        let [second, nothing] = &told["windows"].as_array().unwrap()[..] else {
-            panic!("two windows: {told}");
+        let printed = value(&replay(&flight, &Setup::default(), &[], |_| {}));
+        let [second, nothing] = &printed["windows"].as_array().unwrap()[..] else {
+            panic!("two windows: {printed}");
         };
         let keys = |value: &Value| {
             let object = value.as_object().unwrap();
             object.keys().cloned().collect::<Vec<_>>().join(" ")
         };
-        assert_eq!(keys(&told), "counters steps windows");
+        assert_eq!(keys(&printed), "counters steps windows");
         assert_eq!(
             keys(second),
             "error_ns held misleading_s name readings sources states uncertainty_ns"
@@ -262,7 +262,7 @@ mod tests {
         assert_eq!(of_states.filter_map(Value::as_u64).sum::<u64>(), 27);
         assert_eq!(nothing["readings"], 0);
         assert!(nothing["error_ns"].is_null() && nothing["uncertainty_ns"].is_null());
-        assert!(told["steps"].is_u64());
+        assert!(printed["steps"].is_u64());
         // And a flight without windows is one.
         let bare = replay(&self::flight(""), &Setup::default(), &[], |_| {});
         assert_eq!(value(&bare)["windows"][0]["name"], "all");

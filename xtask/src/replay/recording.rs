@@ -26,7 +26,7 @@ const LEAP_COUNT: i8 = 18;
 /// NAV-TIMELS, the floor is the user's.
 fn settings(options: &Options, recording: &Recording) -> Result<Settings> {
     Ok(Settings {
-        leap_seconds: (!recording.tells_leap_seconds()).then_some(LEAP_COUNT),
+        leap_seconds: (!recording.has_leap_seconds()).then_some(LEAP_COUNT),
         date_floor: options
             .floor_utc_ns()?
             .map_or(Settings::DATE_FLOOR, UtcNanos),
@@ -84,20 +84,20 @@ pub fn run(options: &Options, bytes: &[u8]) -> Result<ExitCode> {
                 let outcome = clock.handle_mark(&mark, now);
                 if !options.json {
                     let at_s = now.as_nanos() as f64 / 1e9;
-                    println!("{at_s:>12.6} s  {}", told(&outcome));
+                    println!("{at_s:>12.6} s  {}", described(&outcome));
                 }
             }
         }
     }
-    let (counted, heard) = (clock.counters(), link.counters());
+    let (counted, received) = (clock.counters(), link.counters());
     if options.json {
         let summary = json!({
             "nav_pvts": marks,
             "accepted": counted.accepted,
             "refused": counted.refused(),
             "sets": counted.sets,
-            "bad_checksums": heard.bad_checksums,
-            "foreign_bytes": heard.foreign_bytes,
+            "bad_checksums": received.bad_checksums,
+            "foreign_bytes": received.foreign_bytes,
         });
         println!("{summary}");
     } else {
@@ -106,13 +106,13 @@ pub fn run(options: &Options, bytes: &[u8]) -> Result<ExitCode> {
             counted.accepted,
             counted.refused()
         );
-        println!("{counted:#?}\n{heard:#?}");
+        println!("{counted:#?}\n{received:#?}");
     }
     Ok(ExitCode::SUCCESS)
 }
 
 /// What a mark did, for people.
-fn told(outcome: &Outcome) -> String {
+fn described(outcome: &Outcome) -> String {
     match outcome {
         Outcome::Set => "sets the clock".to_owned(),
         Outcome::Slewed { error_ns } => format!("slews: the clock is {error_ns} ns behind"),

@@ -3,7 +3,7 @@
 //! *Purpose.* A table of how each clock's published time spreads about the best
 //! smooth line, and a picture.
 //!
-//! *Design.* [`comparison::trace`] measures; here it is told.
+//! *Design.* [`comparison::trace`] measures; here it is printed.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -36,7 +36,7 @@ pub fn run(options: &Options, content: &[u8]) -> Result<ExitCode> {
     if options.json {
         println!("{}", value(&trace, &replayed, &svg));
     } else {
-        tell(&trace, &replayed);
+        print(&trace, &replayed);
         println!("the picture is in {}", svg.display());
     }
     Ok(match replayed.violation {
@@ -48,7 +48,7 @@ pub fn run(options: &Options, content: &[u8]) -> Result<ExitCode> {
     })
 }
 
-fn tell(trace: &Trace, replayed: &Replayed) {
+fn print(trace: &Trace, replayed: &Replayed) {
     let rows = &trace.rows;
     let lasts = rows[rows.len() - 1].arrival - rows[0].arrival;
     println!("{} arrivals in {:.1} s", rows.len(), lasts as f64 * 1e-9);

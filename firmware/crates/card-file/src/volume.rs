@@ -4,7 +4,7 @@
 //! (FAT32), the partition and the card, and the tables, each of which has to begin with the media
 //! byte. That fixes where the tables are, how long they are and how many, and so where the clusters
 //! begin. What nothing on a card repeats has to be what formatters write: 512 entries in the root of
-//! FAT16, or a cluster of them. Whether there are 16 or 32 bits is told by the fields, as Windows, macOS and Linux
+//! FAT16, or a cluster of them. Whether there are 16 or 32 bits is decided by the fields, as Windows, macOS and Linux
 //! do, and not by the number of clusters: FAT32 has no short table length and no fixed root.
 //!
 //! *Limits.* The size of a cluster on FAT16 stands nowhere else: see `root.rs` for what proves it.

@@ -162,7 +162,7 @@ fn a_card_that_fails_at_any_block_says_so_and_keeps_its_other_files() {
 }
 
 #[test]
-fn contents_that_end_early_are_told() {
+fn contents_that_end_early_are_reported() {
     let mut disk = RamDisk::new(fat_image::formatted(Kind::Fat16));
     let mut read = |offset: u32, _: &mut [u8]| if offset == 0 { 512 } else { 100 };
     let saved = save(&mut disk, 2_000, &mut read, None);

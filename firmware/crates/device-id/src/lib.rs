@@ -26,7 +26,7 @@
 //!
 //! *Limits.* A name can belong to several device types (an accelerometer and a gyroscope in one
 //! housing), so words can mean several ids. What PX4's drivers put into the address differs with the
-//! bus; it is told as a number.
+//! bus; it is shown as a number.
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(

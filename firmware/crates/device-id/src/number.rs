@@ -48,7 +48,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_and_what_is_too_large_are_told_apart() {
+    fn what_is_no_number_and_what_is_too_large_are_distinguished() {
         for wrong in [
             "", "0x", "-1", "+1", "1.5", "1.", "0x1.0", "HMC5883", "1e3", "٣",
         ] {

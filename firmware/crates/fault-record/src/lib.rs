@@ -4,9 +4,9 @@
 //! registers, and a checksum, because such words may hold anything after power-on. [`History`]
 //! counts restarts for one reason, and says when there were enough.
 //!
-//! *Design.* Values only: where the words are kept, how the board restarts and who is told is the
-//! firmware's. A record is written once, by the fault; the run after it marks it as told. A run that
-//! finds a told record did not follow a fault, so it forgets the history: somebody has pressed the
+//! *Design.* Values only: where the words are kept, how the board restarts and who gets it is the
+//! firmware's. A record is written once, by the fault; the run after it marks it as reported. A run that
+//! finds a reported record did not follow a fault, so it forgets the history: somebody has pressed the
 //! button, or turned the power off and on.
 //!
 //! *Limits.* Between two faults only the runs' own time is counted, not the bootloader's: it waits 5 s

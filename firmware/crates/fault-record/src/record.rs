@@ -2,7 +2,7 @@
 //!
 //! | word | holds |
 //! |---|---|
-//! | 0 | [`MAGIC`], and the lowest bit of the upper half: the record was told |
+//! | 0 | [`MAGIC`], and the lowest bit of the upper half: the record was reported |
 //! | 1 | the reason, and in its second byte the kind of place |
 //! | 2, 3 | the place: an address, and a number |
 //! | 4 to 13 | [`Registers`] in their order |
@@ -17,7 +17,7 @@ use crate::reason::Reason;
 pub const WORDS: usize = 18;
 
 const MAGIC: u32 = 0x0000_C10C;
-const TOLD: u32 = 1 << 16;
+const REPORTED: u32 = 1 << 16;
 
 /// Where it happened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,8 +71,8 @@ pub struct Record {
     pub up_ms: u32,
     /// The restarts before.
     pub history: History,
-    /// Whether the run after it has told it.
-    pub is_told: bool,
+    /// Whether the run after it has reported it.
+    pub is_reported: bool,
 }
 
 impl Record {
@@ -95,9 +95,9 @@ impl Record {
             address: failed,
         } = self.registers;
         let [last, before] = self.history.ages_ms;
-        let told = if self.is_told { TOLD } else { 0 };
+        let reported = if self.is_reported { REPORTED } else { 0 };
         let mut words = [
-            MAGIC | told,
+            MAGIC | reported,
             self.reason.to_word() | kind << 8,
             address,
             number,
@@ -146,7 +146,7 @@ impl Record {
             up_ms,
             crc,
         ] = words;
-        if head & !TOLD != MAGIC || crc != checksum(words, image) {
+        if head & !REPORTED != MAGIC || crc != checksum(words, image) {
             return None;
         }
         let place = match reason >> 8 & 0xFF {
@@ -176,7 +176,7 @@ impl Record {
             history: History {
                 ages_ms: [last, before],
             },
-            is_told: head & TOLD != 0,
+            is_reported: head & REPORTED != 0,
         })
     }
 }
@@ -238,7 +238,7 @@ mod tests {
                 history: History {
                     ages_ms: [77, u32::MAX],
                 },
-                is_told: reason == Reason::Panic,
+                is_reported: reason == Reason::Panic,
             })
         })
     }

@@ -87,7 +87,7 @@ impl Node {
     /// receiver is connected.
     pub fn gps_raw_int(&mut self, time: NodeTime, fix: Option<&Fix>) -> Frame {
         if let Some(fix) = fix {
-            self.told.note_fix(fix);
+            self.replies.note_fix(fix);
         }
         let gps_raw_int = GPS_RAW_INT_DATA {
             time_usec: time.rtos_us(),

@@ -21,7 +21,7 @@ use mavlink::dialects::common::{
 use sample_log::Test;
 
 use crate::frame::{Address, Frame, Sender, Version};
-use crate::told::{Described, PROTOCOL_VERSION};
+use crate::replies::{Described, PROTOCOL_VERSION};
 
 /// MAV_CMD_USER_1.
 pub(crate) const USER_1: u16 = 31_010;

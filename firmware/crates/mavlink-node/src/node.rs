@@ -40,9 +40,9 @@ use crate::log_transfer::{LOG_ID, LogFile, LogTransfer};
 use crate::node_time::NodeTime;
 use crate::parameter::{Name, Parameter, Parameters, PendingParameters};
 use crate::ping::Ping;
+use crate::replies::{FailedParameter, FileAsked, MissionAsked, ParameterError, PendingReplies};
 use crate::request::{Request, RequestKind};
 use crate::severity::Severity;
-use crate::told::{FailedParameter, FileAsked, MissionAsked, ParameterError, PendingTold};
 use crate::wanted::{Requests, target_at};
 
 /// How a node behaves.
@@ -125,7 +125,7 @@ pub struct Node {
     pub(crate) version: Version,
     parameters: PendingParameters,
     log: LogTransfer,
-    pub(crate) told: PendingTold,
+    pub(crate) replies: PendingReplies,
     counters: Counters,
 }
 
@@ -147,7 +147,7 @@ impl Node {
             version: Version::V1,
             parameters: PendingParameters::NONE,
             log: LogTransfer::NONE,
-            told: PendingTold::NONE,
+            replies: PendingReplies::NONE,
             counters: Counters {
                 pings: 0,
                 timesyncs: 0,
@@ -279,11 +279,11 @@ impl Node {
             COMMAND_LONG_DATA::ID | COMMAND_INT_DATA::ID => {
                 let mut command = Command::parse(payload)?;
                 match command.meaning {
-                    Ok(Order::Describe(what)) if !self.told.is_known(what) => {
+                    Ok(Order::Describe(what)) if !self.replies.is_known(what) => {
                         command.meaning = Err(Refusal::NotYet);
                     }
                     Ok(Order::Test(Test::Begins)) => self.log.end(),
-                    Ok(Order::Describe(what)) => self.told.want(what, version),
+                    Ok(Order::Describe(what)) => self.replies.want(what, version),
                     Ok(Order::Test(Test::Ends | Test::SavesAgain | Test::StopsSaving)) | Err(_) => {
                     }
                 }
@@ -294,7 +294,7 @@ impl Node {
                 self.one_parameter(id, frame);
             }
             MISSION_REQUEST_LIST_DATA::ID => {
-                self.told.mission = Some(MissionAsked {
+                self.replies.mission = Some(MissionAsked {
                     to: frame.from,
                     version,
                     mission_type: payload.get(MISSION_TYPE).copied().unwrap_or(0),
@@ -302,7 +302,7 @@ impl Node {
             }
             FILE_TRANSFER_PROTOCOL_DATA::ID => {
                 if let Some(asked) = FileAsked::parse(frame.from, payload) {
-                    self.told.file = Some(asked);
+                    self.replies.file = Some(asked);
                 }
             }
             LOG_REQUEST_LIST_DATA::ID => self.log.want_entry(version),
@@ -349,7 +349,7 @@ impl Node {
             }
         };
         if let Some(error) = error {
-            self.told.parameter = Some(FailedParameter {
+            self.replies.parameter = Some(FailedParameter {
                 to: frame.from,
                 index,
                 name,
@@ -361,14 +361,14 @@ impl Node {
     /// Whether [`Self::poll`] has something to send.
     #[must_use]
     pub const fn has_more(&self) -> bool {
-        !self.told.is_none() || !self.parameters.is_none() || !self.log.is_done()
+        !self.replies.is_none() || !self.parameters.is_none() || !self.log.is_done()
     }
 
     /// The next frame of an answer that takes more than one. To be called when nothing more urgent
     /// waits for the line.
     #[inline(never)]
     pub fn poll(&mut self, board: &(impl Parameters + LogFile)) -> Option<Frame> {
-        self.told
+        self.replies
             .poll(&mut self.sender)
             .or_else(|| self.parameters.poll(&mut self.sender, board))
             .or_else(|| self.log.poll(&mut self.sender, board))

@@ -36,7 +36,7 @@ const SYNCHRONISER_UNKNOWN: i32 = 1;
 /// Half of the widest interval that is good enough, in cycles.
 const MOST_UNKNOWN: i32 = 8;
 
-/// How far an edge may be from the moment that is told for it, in ns, rounded up.
+/// How far an edge may be from the moment that is given for it, in ns, rounded up.
 pub const UNKNOWN_NS: u32 =
     ((MOST_UNKNOWN + SYNCHRONISER_UNKNOWN) as u32 * 1_000).div_ceil(CORE_HZ / 1_000_000);
 
@@ -139,9 +139,9 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_is_told_within_what_is_unknown_or_not_at_all() {
+    fn an_edge_is_given_within_what_is_unknown_or_not_at_all() {
         let reference = Cycles(1 << 33);
-        let mut told = 0;
+        let mut given = 0;
         for wait in 0..14 {
             for lag in 0..14 {
                 let bus = Bus {
@@ -153,18 +153,18 @@ mod tests {
                     let Some(at) = read(bus, start, 0, 4).edge(reference) else {
                         continue;
                     };
-                    told += 1;
+                    given += 1;
                     let off = at.since(reference) - i64::from(edge);
                     assert!(off.abs() <= MOST_UNKNOWN.into(), "{bus:?} {start}: {off}");
                 }
             }
         }
         // Fast buses, each with every start.
-        assert!(told > 20 * 50, "{told}");
+        assert!(given > 20 * 50, "{given}");
     }
 
     #[test]
-    fn what_is_too_wide_or_contradicts_itself_is_not_told() {
+    fn what_is_too_wide_or_contradicts_itself_is_not_given() {
         let reference = Cycles(5);
         assert_eq!(Start::UNKNOWN.edge(reference), None);
         let mut known = Start::UNKNOWN;

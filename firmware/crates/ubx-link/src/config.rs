@@ -32,7 +32,7 @@ const PERIOD_MS: u16 = 200;
 /// How long the pulse is high that the receiver is asked for, in µs: 37 ms.
 ///
 /// It has to be nobody's default, so that the pulse of another module, or of this one as it comes out of its
-/// box, is told from ours by its width: u-blox has 100 ms, others 1, 10, 20, 25, 40, 50, 200 or 500 ms, and a
+/// box, is distinguished from ours by its width: u-blox has 100 ms, others 1, 10, 20, 25, 40, 50, 200 or 500 ms, and a
 /// clock takes no width for ours that is 2 ms off. Inverted, it is 963 ms. And it is short, because a
 /// pulse is known for one only when it falls.
 pub const PULSE_WIDTH_US: u32 = 37_000;

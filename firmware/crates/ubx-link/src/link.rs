@@ -76,12 +76,12 @@ pub struct Link {
     candidate: Option<Kind>,
     /// The number of bytes that have to be held before the next decision.
     wanted: usize,
-    heard: Heard,
+    seen: Seen,
 }
 
 /// What was met on the way.
 #[derive(Clone, Debug)]
-struct Heard {
+struct Seen {
     counters: LinkCounters,
     /// Class and id of the last message that we do not use, until it is asked for; 0 is none.
     other_message: u16,
@@ -119,7 +119,7 @@ impl Link {
             sums: Sums::START,
             candidate: None,
             wanted: SHORTEST,
-            heard: Heard {
+            seen: Seen {
                 other_message: 0,
                 has_nmea: false,
                 counters: LinkCounters {
@@ -144,10 +144,10 @@ impl Link {
     /// What has come over the line so far.
     #[must_use]
     pub const fn counters(&self) -> LinkCounters {
-        self.heard.counters
+        self.seen.counters
     }
 
-    /// The UART has another rate from now on, in baud: what tells an idle line is measured in
+    /// The UART has another rate from now on, in baud: an idle line is measured in
     /// bytes.
     pub const fn handle_baud(&mut self, baud: u32) {
         self.window.handle_baud(baud);
@@ -158,12 +158,12 @@ impl Link {
     /// returned `None`.
     #[inline]
     pub const fn poll_unwanted(&mut self) -> Option<Unwanted> {
-        let heard = &mut self.heard;
-        if heard.has_nmea {
-            heard.has_nmea = false;
+        let seen = &mut self.seen;
+        if seen.has_nmea {
+            seen.has_nmea = false;
             return Some(Unwanted::Nmea);
         }
-        match core::mem::replace(&mut heard.other_message, 0).to_le_bytes() {
+        match core::mem::replace(&mut seen.other_message, 0).to_le_bytes() {
             [0, 0] => None,
             [class, id] => Some(Unwanted::Ubx { class, id }),
         }
@@ -224,7 +224,7 @@ impl Link {
     #[inline(never)]
     fn examine(&mut self, idle: bool) -> Option<Kind> {
         let held = self.window.held();
-        let heard = &mut self.heard;
+        let seen = &mut self.seen;
         let mut sums = self.sums;
         let mut candidate = self.candidate;
         let mut rest = held;
@@ -232,14 +232,14 @@ impl Link {
             if let Some(kind) = candidate {
                 let failed = match rest.get(..kind.frame_len()) {
                     Some(frame) if sums.hold(kind, frame) => break candidate,
-                    Some(_) => &mut heard.counters.bad_checksums,
-                    None if idle => &mut heard.counters.truncated,
+                    Some(_) => &mut seen.counters.bad_checksums,
+                    None if idle => &mut seen.counters.truncated,
                     None => break None,
                 };
                 count(failed, 1);
                 rest = sums.pass(rest);
             }
-            (rest, candidate) = search(rest, &mut sums, heard);
+            (rest, candidate) = search(rest, &mut sums, seen);
             if candidate.is_none() {
                 if idle {
                     rest = &[];
@@ -248,7 +248,7 @@ impl Link {
             }
         };
         let foreign = held.len().wrapping_sub(rest.len());
-        count(&mut heard.counters.foreign_bytes, foreign);
+        count(&mut seen.counters.foreign_bytes, foreign);
         self.sums = sums;
         self.window.give_up(foreign);
         self.expect(candidate);
@@ -265,7 +265,7 @@ impl Link {
             stamp.extend(now.plus(AHEAD.into())),
             micros(self.window.busy()),
         );
-        let counters = &mut self.heard.counters;
+        let counters = &mut self.seen.counters;
         let counter = match kind {
             _ if event.is_none() => &mut counters.refused,
             Kind::NavPvt => &mut counters.nav_pvts,
@@ -370,7 +370,7 @@ fn count(counter: &mut u32, more: usize) {
 /// The rest of `bytes` from the first header of ours on, and its kind; or from the first bytes on
 /// that may become one. The sums move along.
 #[inline(never)]
-fn search<'a>(bytes: &'a [u8], sums: &mut Sums, heard: &mut Heard) -> (&'a [u8], Option<Kind>) {
+fn search<'a>(bytes: &'a [u8], sums: &mut Sums, seen: &mut Seen) -> (&'a [u8], Option<Kind>) {
     let mut rest = bytes;
     let mut behind = sums.behind;
     let mut found = None;
@@ -382,16 +382,16 @@ fn search<'a>(bytes: &'a [u8], sums: &mut Sums, heard: &mut Heard) -> (&'a [u8],
                     found = Some(kind);
                     break;
                 }
-                Header::LoneSync => count(&mut heard.counters.lone_syncs, 1),
+                Header::LoneSync => count(&mut seen.counters.lone_syncs, 1),
                 Header::OtherMessage(message) => {
-                    count(&mut heard.counters.other_messages, 1);
-                    heard.other_message = message;
+                    count(&mut seen.counters.other_messages, 1);
+                    seen.other_message = message;
                 }
-                Header::FalseLength => count(&mut heard.counters.false_lengths, 1),
+                Header::FalseLength => count(&mut seen.counters.false_lengths, 1),
             },
             b'$' => {
-                count(&mut heard.counters.nmea_starts, 1);
-                heard.has_nmea |= is_nmea(rest);
+                count(&mut seen.counters.nmea_starts, 1);
+                seen.has_nmea |= is_nmea(rest);
             }
             _ => {}
         }

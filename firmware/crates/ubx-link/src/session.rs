@@ -13,7 +13,7 @@
 //! not defined. If any event comes, the receiver is found, and the other settings follow, each
 //! until it is answered or has been sent [`Session::TRIES`] times. Whether TIM-TP is wanted is the
 //! last of them, and is sent again when it changes. It comes on request only, since a burst should
-//! begin with NAV-PVT. What is heard and not used is switched off as it is heard
+//! begin with NAV-PVT. What comes and is not used is switched off as it comes
 //! ([`Session::handle_unwanted`]). What the receiver refuses [`Session::TRIES`] times is reported
 //! ([`Session::poll_refusal`]) and not asked again before it is found anew. If no event comes, the next
 //! attempt takes the next rate of [`BAUDS`]. After a *round* of all of them the session waits for
@@ -126,7 +126,7 @@ pub struct Session {
     attempts: usize,
     /// The present one of [`SETTINGS`]; behind them is [`Setting::Forecasts`], and then `off`.
     setting: usize,
-    /// What switches off a message that was heard.
+    /// What switches off a message that has come.
     off: Option<Setting>,
     /// How often the present setting has been sent.
     tries: u8,
@@ -293,7 +293,7 @@ impl Session {
         let (arrival, busy_us) = match event {
             Event::NavPvt { mark, .. } => (mark.arrival, &mut mark.busy_us),
             Event::TimTp(forecast) => (forecast.arrival, &mut forecast.busy_us),
-            Event::LeapSeconds(told) => (told.arrival, &mut told.busy_us),
+            Event::LeapSeconds(received) => (received.arrival, &mut received.busy_us),
             Event::Ack { .. } | Event::Nak { .. } => return,
         };
         let since = Cycles(arrival.0.saturating_sub(asked.0)).as_micros();

@@ -1,14 +1,14 @@
 //! What a receiver sends that we do not use.
 //!
 //! *Purpose.* A receiver may have messages in its flash that fill the line: raw data at 5 Hz is more
-//! than 115200 baud carry, and everything behind it comes seconds late. This keeps what was heard,
+//! than 115200 baud carry, and everything behind it comes seconds late. This keeps what was received,
 //! and says what to switch off next.
 //!
-//! *Design.* A table of [`KINDS`] kinds. A kind that is heard [`HEARD`] times is asked to be off, at most
+//! *Design.* A table of [`KINDS`] kinds. A kind that is received [`RECEIVED`] times is asked to be off, at most
 //! [`ASKED`] times with [`PAUSE`] between, since what waits in the receiver's queue still comes. One that
 //! the receiver refuses, or that goes on, is reported once and left alone.
 //!
-//! *Limits.* A header is taken at its word, without its checksum: what noise invents is not heard
+//! *Limits.* A header is taken at its word, without its checksum: what noise invents is not received
 //! twice before it gives its place to others, and to switch it off harms nothing.
 
 use timebase::Cycles;
@@ -18,8 +18,8 @@ use crate::config::Setting;
 /// So many kinds are kept.
 const KINDS: usize = 8;
 
-/// What is heard so often is no accident.
-const HEARD: u8 = 2;
+/// What is received so often is no accident.
+const RECEIVED: u8 = 2;
 
 /// A kind is asked to be off so often.
 const ASKED: u8 = 3;
@@ -59,17 +59,17 @@ impl Unwanted {
 #[derive(Clone, Copy, Debug)]
 struct Kind {
     what: Unwanted,
-    /// Times that it was heard since it was last asked to be off.
-    heard: u8,
-    /// When it was heard last.
+    /// Times that it was received since it was last asked to be off.
+    received: u8,
+    /// When it was received last.
     at: Cycles,
     asked: u8,
-    /// What is heard before was on its way already.
+    /// What is received before was on its way already.
     counts_from: Cycles,
     is_reported: bool,
 }
 
-/// The kinds that were heard.
+/// The kinds that were received.
 #[derive(Clone, Debug)]
 pub(crate) struct Table {
     kinds: [Option<Kind>; KINDS],
@@ -89,7 +89,7 @@ impl Table {
         self.kinds.get_mut(..self.used).unwrap_or_default()
     }
 
-    /// Takes one that was heard.
+    /// Takes one that was received.
     pub(crate) fn handle(&mut self, now: Cycles, what: Unwanted) {
         if what.off().is_none() {
             return;
@@ -102,11 +102,11 @@ impl Table {
         if let Some(kind) = found {
             kind.at = now;
             if now >= kind.counts_from {
-                kind.heard = kind.heard.saturating_add(1);
+                kind.received = kind.received.saturating_add(1);
             }
             return;
         }
-        // In a free place, or the one of what was not asked for and not heard for the longest time.
+        // In a free place, or the one of what was not asked for and not received for the longest time.
         let may_go = |place: &&mut Option<Kind>| place.is_none_or(|kind| kind.asked == 0);
         let place = self
             .kinds()
@@ -116,7 +116,7 @@ impl Table {
         if let Some(place) = place {
             *place = Some(Kind {
                 what,
-                heard: 1,
+                received: 1,
                 at: now,
                 asked: 0,
                 counts_from: Cycles::BOOT,
@@ -127,10 +127,10 @@ impl Table {
 
     /// The next to be switched off.
     pub(crate) fn poll_off(&mut self, now: Cycles) -> Option<Setting> {
-        let is_due = |kind: &&mut Kind| kind.heard >= HEARD && kind.asked < ASKED;
+        let is_due = |kind: &&mut Kind| kind.received >= RECEIVED && kind.asked < ASKED;
         let kind = self.kinds().iter_mut().flatten().find(is_due)?;
         kind.asked = kind.asked.saturating_add(1);
-        kind.heard = 0;
+        kind.received = 0;
         kind.counts_from = now.plus(PAUSE);
         kind.what.off()
     }
@@ -147,8 +147,9 @@ impl Table {
 
     /// One that goes on although it was asked to be off, once.
     pub(crate) fn poll_stubborn(&mut self) -> Option<Setting> {
-        let is_stubborn =
-            |kind: &&mut Kind| kind.heard >= HEARD && kind.asked >= ASKED && !kind.is_reported;
+        let is_stubborn = |kind: &&mut Kind| {
+            kind.received >= RECEIVED && kind.asked >= ASKED && !kind.is_reported
+        };
         let kind = self.kinds().iter_mut().flatten().find(is_stubborn)?;
         kind.is_reported = true;
         kind.what.off()

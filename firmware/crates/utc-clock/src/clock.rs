@@ -4,14 +4,14 @@
 //! gate, steers it at each later one, lets it run on when they stay away.
 //!
 //! *Design.* Without I/O and without a time of its own: `handle_mark` and
-//! `handle_timeout` are told it, `poll_timeout` says when the next timeout is due.
+//! `handle_timeout` take it, `poll_timeout` says when the next timeout is due.
 //! The clock is the one writer of its [`Published`] line; a change is out before
 //! the call that makes it returns.
 //!
 //! Every change of course begins [`UtcClock::LEAD`] after the time of the call, at the
-//! point of the line where the old course is then. So nobody has been told
+//! point of the line where the old course is then. So no reader has seen
 //! anything else about any moment: readings increase strictly with their stamps,
-//! whoever takes them, except over a step.
+//! who takes them, except over a step.
 //!
 //! An error is absorbed at the rate that the [`Discipline`] asks for, at most [`UtcClock::MAX_SLEW`], until
 //! it is gone or somebody knows better; one mark alone moves the clock by 0.8 ms at most. Lateness is
@@ -19,7 +19,7 @@
 //! steps *forward* instead, by what is more than [`LEAST_STEP_NS`]. To a pulse that is followed anew
 //! it steps, either way, by what is more than [`LEAST_PULSE_STEP_NS`].
 //!
-//! *Limits.* A call has to end within the lead of the time that it was told. What
+//! *Limits.* A call has to end within the lead of the time that it was given. What
 //! a mark's residual means is the [`Discipline`]'s business; the bound of the slew
 //! is kept here, whatever it says.
 
@@ -48,7 +48,7 @@ const HOLDOVER_HALF_PERIODS: u64 = 7;
 /// A receiver that speaks more seldom than each 3 s is one that is silent. \[cycles\]
 const LONGEST_PERIOD: u64 = 3 * CORE_HZ as u64;
 
-/// From pulse to pulse is a second; without the next one the line is told anew after so long, in
+/// From pulse to pulse is a second; without the next one the line begins anew after so long, in
 /// cycles: 1.25 s. Its straight line of uncertainty is near the curve that it stands for.
 const PULSE_LASTS: u64 = CORE_HZ as u64 * 5 / 4;
 
@@ -58,7 +58,7 @@ const PULSE_LATE: i64 = CORE_HZ as i64 * 6 / 5;
 /// Without a pulse for so long the messages are what confirms the clock, in cycles: 3.5 s.
 const PULSE_LOST: i64 = CORE_HZ as i64 * 7 / 2;
 
-/// The line is told from a new origin at least so often: 10 s, well within the
+/// The line gets a new origin at least so often: 10 s, well within the
 /// 25.5 s in which a reading takes the short way.
 const REBASE_AFTER: u64 = 10 * CORE_HZ as u64;
 
@@ -203,9 +203,9 @@ impl<'a> UtcClock<'a> {
 
     /// Takes an answer to NAV-TIMELS.
     #[inline(never)] // Seldom: it may be small.
-    pub fn handle_leap_seconds(&mut self, told: &LeapSeconds, now: Cycles) {
-        let utc = (self.state != ClockState::Unset).then(|| self.model.utc_at(told.arrival));
-        self.discipline.handle_leap_seconds(told, utc);
+    pub fn handle_leap_seconds(&mut self, received: &LeapSeconds, now: Cycles) {
+        let utc = (self.state != ClockState::Unset).then(|| self.model.utc_at(received.arrival));
+        self.discipline.handle_leap_seconds(received, utc);
         self.publish_second(now);
     }
 
@@ -227,7 +227,7 @@ impl<'a> UtcClock<'a> {
         self.discipline.second_mut().poll_ask(now, utc)
     }
 
-    /// Does what is due: ends a slew, begins holdover, tells the line anew.
+    /// Does what is due: ends a slew, begins holdover or the line anew.
     /// Nothing before [`Self::poll_timeout`].
     #[inline]
     pub fn handle_timeout(&mut self, now: Cycles) {
@@ -366,11 +366,11 @@ impl<'a> UtcClock<'a> {
     fn follow(&mut self, mark: &TimeMark, epoch: UtcNanos, now: Cycles) -> Outcome {
         let mut line = self.line_from(mark.arrival);
         line.quality.leap_seconds_known = mark.validity.leap_seconds_known;
-        let heard = self.observe(mark.arrival, &line);
+        let observed = self.observe(mark.arrival, &line);
         let correction =
             match self
                 .discipline
-                .handle_mark(&heard, epoch, mark.t_acc_ns, mark.busy_us)
+                .handle_mark(&observed, epoch, mark.t_acc_ns, mark.busy_us)
             {
                 Ok(correction) => correction,
                 Err(refusal) => return Outcome::Refused(refusal),
@@ -432,7 +432,7 @@ impl<'a> UtcClock<'a> {
             uncertainty_ns: is_set.then(|| uncertainty.at(at) + rest_ns as f32),
         };
         let (correction, rise) = match self.discipline.handle_edge(edge, observe) {
-            Ok(heard) => heard,
+            Ok(observed) => observed,
             Err(refusal) => return PulseOutcome::Refused(refusal),
         };
         let mut line = self.line_from(rise);
@@ -512,7 +512,7 @@ impl<'a> UtcClock<'a> {
         }
     }
 
-    /// The course that is to be corrected, told from a moment: the newest one, even if
+    /// The course that is to be corrected, seen from a moment: the newest one, even if
     /// another one still held then.
     #[inline]
     fn line_from(&self, at: Cycles) -> ClockModel {
@@ -658,7 +658,7 @@ impl<'a> UtcClock<'a> {
         model.quality.growth = model::growth(Ppb(growth_ppb));
     }
 
-    /// For how long a model is published at most before it is told anew, with the uncertainty of then.
+    /// For how long a model is published at most before it begins anew, with the uncertainty of then.
     const fn lasts(&self) -> u64 {
         match (self.state, self.steered_by) {
             (ClockState::Set, Source::Pulse) => PULSE_LASTS,
@@ -677,7 +677,7 @@ impl<'a> UtcClock<'a> {
     }
 }
 
-/// Whether something that happened at `at` can be heard of `now`.
+/// Whether something that happened at `at` is recent enough to count `now`.
 fn is_recent(at: Cycles, now: Cycles) -> bool {
     now.0.checked_sub(at.0).is_some_and(|age| age <= MAX_AGE)
 }

@@ -5,7 +5,7 @@
 //!
 //! *Design.* See the crate's documentation for the table of detectors.
 //!
-//! *Which second* is [`Second`]'s. *Where in the second* is told by the [pulse](crate::train) that
+//! *Which second* is [`Second`]'s. *Where in the second* is known from the [pulse](crate::train) that
 //! is proved, else by the crystal as the last one left it, as long as that is better than the
 //! messages, else by the [floor](crate::envelope) of the messages. Marks number a pulse and never
 //! outvote it: when their floor moves under it, or under a crystal that knows better, what is
@@ -38,7 +38,7 @@ const NUMBERS_US: u32 = 300_000;
 /// its second. \[µs\]
 const SETS_US: u32 = 450_000;
 
-/// Where every mark has waited for so long, those that waited least are heard. \[cycles\] 10 s
+/// Where every mark has waited for so long, those that waited least are observed. \[cycles\] 10 s
 const ALL_WAITED: u64 = 10 * CORE_HZ as u64;
 
 /// Those that waited longer than the least by no more than this. \[µs\]
@@ -188,7 +188,7 @@ struct Waits {
 }
 
 impl Discipline {
-    /// A discipline that has heard nothing.
+    /// A discipline that has observed nothing.
     #[must_use]
     pub fn new(settings: &Settings) -> Self {
         let crystal_ppb = holdover::crystal_ppb(settings.frequency);
@@ -232,7 +232,7 @@ impl Discipline {
         &self.second
     }
 
-    /// The same, to be asked and told.
+    /// The same, mutable.
     pub(crate) const fn second_mut(&mut self) -> &mut Second {
         &mut self.second
     }
@@ -244,7 +244,7 @@ impl Discipline {
         Some(by_ns)
     }
 
-    /// The frequency to run on with while nothing is heard: the average of the whole lock where the
+    /// The frequency to run on with while nothing is observed: the average of the whole lock where the
     /// crystal has been steady. `None` when there is no better one than the last.
     #[must_use]
     pub fn steady_frequency(&self) -> Option<Ppb> {
@@ -257,8 +257,8 @@ impl Discipline {
     }
 
     /// Takes an answer to NAV-TIMELS.
-    pub(crate) fn handle_leap_seconds(&mut self, told: &LeapSeconds, utc: Option<UtcNanos>) {
-        self.second.handle_leap_seconds(told, utc);
+    pub(crate) fn handle_leap_seconds(&mut self, received: &LeapSeconds, utc: Option<UtcNanos>) {
+        self.second.handle_leap_seconds(received, utc);
     }
 
     /// The receiver has acknowledged a pulse of that width, or has not. \[µs\]
@@ -278,7 +278,7 @@ impl Discipline {
     #[inline(never)] // The bench counts its calls.
     pub fn handle_mark(
         &mut self,
-        heard: &Observation,
+        observed: &Observation,
         epoch: UtcNanos,
         t_acc_ns: u32,
         busy_us: u32,
@@ -288,12 +288,12 @@ impl Discipline {
         }
         let teaches = self
             .waits
-            .may_teach(heard, busy_us, self.message_uncertainty_ns());
+            .may_teach(observed, busy_us, self.message_uncertainty_ns());
         if busy_us > NUMBERS_US && !(teaches && busy_us <= SETS_US) {
             return Err(Refusal::Waited);
         }
-        let local_ns = heard.at.as_nanos();
-        let moved = self.judge_second(heard, epoch, local_ns, busy_us)?;
+        let local_ns = observed.at.as_nanos();
+        let moved = self.judge_second(observed, epoch, local_ns, busy_us)?;
         if !teaches {
             return moved.map_or(Err(Refusal::Waited), |by_ns| {
                 Ok(Correction::Renumber(by_ns))
@@ -313,9 +313,9 @@ impl Discipline {
             && uncertainty_ns < LEARNT_UNCERTAINTY_NS as f32
         {
             self.envelope
-                .believe(heard.at.as_micros(), self.crystal_ppb);
+                .believe(observed.at.as_micros(), self.crystal_ppb);
         }
-        let correction = self.follow_mark(heard, epoch, local_ns, pulse, t_acc_ns);
+        let correction = self.follow_mark(observed, epoch, local_ns, pulse, t_acc_ns);
         match (moved, correction) {
             (Some(_), Ok(Correction::Follow(course))) => Ok(Correction::Step(course)),
             (Some(by_ns), Ok(Correction::Nothing) | Err(_)) => Ok(Correction::Renumber(by_ns)),
@@ -326,12 +326,12 @@ impl Discipline {
     /// Which second a mark names; by how much the clock's changes for it, in ns.
     fn judge_second(
         &mut self,
-        heard: &Observation,
+        observed: &Observation,
         epoch: UtcNanos,
         local_ns: u64,
         busy_us: u32,
     ) -> Result<Option<i64>, Refusal> {
-        let Some(uncertainty_ns) = heard.uncertainty_ns else {
+        let Some(uncertainty_ns) = observed.uncertainty_ns else {
             return Ok(None);
         };
         if uncertainty_ns > NUMBERED_NS {
@@ -341,12 +341,12 @@ impl Discipline {
         let residual_ns = epoch
             .0
             .saturating_add(self.latency_ns)
-            .saturating_sub(heard.published.0);
+            .saturating_sub(observed.published.0);
         let is_pulse_followed = self.is_on_pulse(local_ns);
         let is_prompt = busy_us <= PROMPT_US;
         match self
             .second
-            .judge(residual_ns, heard.at, is_prompt, is_pulse_followed)
+            .judge(residual_ns, observed.at, is_prompt, is_pulse_followed)
         {
             Judged::Same => Ok(None),
             Judged::Refused => Err(Refusal::Outlier),
@@ -360,7 +360,7 @@ impl Discipline {
 
     fn follow_mark(
         &mut self,
-        heard: &Observation,
+        observed: &Observation,
         epoch: UtcNanos,
         local_ns: u64,
         pulse: Option<(i64, f32)>,
@@ -369,10 +369,10 @@ impl Discipline {
         let epoch_ns = epoch.0.saturating_add(self.shift_ns);
         let lateness_ns = local_ns.cast_signed().wrapping_sub(epoch_ns) as u32;
         let is_better_known = pulse.is_some_and(|(_, ns)| ns < LEARNT_UNCERTAINTY_NS as f32);
-        let heard_floor = self
-            .envelope
-            .update(heard.at.as_micros(), lateness_ns, is_better_known);
-        let (floor, has_moved) = match heard_floor {
+        let observed_floor =
+            self.envelope
+                .update(observed.at.as_micros(), lateness_ns, is_better_known);
+        let (floor, has_moved) = match observed_floor {
             EnvelopeVerdict::Estimate(floor) => (floor, false),
             EnvelopeVerdict::Moved(floor) => (floor, true),
             EnvelopeVerdict::Late => return Err(Refusal::Late),
@@ -382,7 +382,13 @@ impl Discipline {
         if has_moved {
             self.drift_guard = DriftGuard::new();
             self.is_adrift = false;
-        } else if !self.is_followed_by_crystal(local_ns, floor_ns, &floor, heard, is_better_known) {
+        } else if !self.is_followed_by_crystal(
+            local_ns,
+            floor_ns,
+            &floor,
+            observed,
+            is_better_known,
+        ) {
             return Err(Refusal::Drift);
         }
         match pulse {
@@ -390,8 +396,8 @@ impl Discipline {
                 self.learn_latency(pulse_ns.saturating_sub(floor_ns), has_moved);
             }
             _ if has_moved => {
-                let told_ns = heard.published.0.saturating_add(self.shift_ns);
-                self.move_latency(told_ns.saturating_sub(floor_ns), &floor);
+                let shown_ns = observed.published.0.saturating_add(self.shift_ns);
+                self.move_latency(shown_ns.saturating_sub(floor_ns), &floor);
             }
             _ => {}
         }
@@ -405,7 +411,7 @@ impl Discipline {
         }
         if floor.is_fresh
             && self.has_settled
-            && heard
+            && observed
                 .uncertainty_ns
                 .is_some_and(|ns| ns < uncertainty_ns + self.latency_uncertainty_ns as f32)
         {
@@ -420,8 +426,8 @@ impl Discipline {
         let error_ns = floor_ns
             .saturating_add(self.latency_ns)
             .saturating_sub(self.shift_ns)
-            .saturating_sub(heard.published.0);
-        let course = self.course(heard.at, error_ns, uncertainty_ns);
+            .saturating_sub(observed.published.0);
+        let course = self.course(observed.at, error_ns, uncertainty_ns);
         Ok(if core::mem::replace(&mut self.is_set, true) {
             Correction::Follow(course)
         } else {
@@ -435,7 +441,7 @@ impl Discipline {
         local_ns: u64,
         floor_ns: i64,
         floor: &EnvelopeEstimate,
-        heard: &Observation,
+        observed: &Observation,
         is_better_known: bool,
     ) -> bool {
         let was_adrift = self.is_adrift;
@@ -446,7 +452,7 @@ impl Discipline {
                 self.envelope.forget();
             }
             self.envelope
-                .believe(heard.at.as_micros(), self.crystal_ppb);
+                .believe(observed.at.as_micros(), self.crystal_ppb);
         }
         !self.is_adrift
     }
@@ -521,8 +527,8 @@ impl Discipline {
                 rise,
             } => (track, train, steady_s, rise),
         };
-        let heard = observe(rise);
-        let Some(clock_uncertainty_ns) = heard.uncertainty_ns else {
+        let observed = observe(rise);
+        let Some(clock_uncertainty_ns) = observed.uncertainty_ns else {
             return Err(PulseRefusal::Unnumbered);
         };
         let edge_ns = track.edge_ns();
@@ -566,14 +572,14 @@ impl Discipline {
                 !is_same
             }
             None => {
-                let told_ns = heard.published.0.saturating_add(self.shift_ns);
+                let shown_ns = observed.published.0.saturating_add(self.shift_ns);
                 let middle_ns = if self.is_latency_learnt {
                     0
                 } else {
                     MIDDLE_LATENCY_NS - self.latency_ns
                 };
-                let second_ns = nearest_second(told_ns.saturating_add(middle_ns));
-                let latency_ns = second_ns.saturating_sub(told_ns) + self.latency_ns;
+                let second_ns = nearest_second(shown_ns.saturating_add(middle_ns));
+                let latency_ns = second_ns.saturating_sub(shown_ns) + self.latency_ns;
                 if clock_uncertainty_ns > NUMBERED_NS || !LATENCIES_NS.contains(&latency_ns) {
                     return Err(PulseRefusal::OffSecond);
                 }
@@ -599,7 +605,7 @@ impl Discipline {
         };
         let error_ns = utc_ns
             .saturating_sub(self.shift_ns)
-            .saturating_sub(heard.published.0);
+            .saturating_sub(observed.published.0);
         let course = Course {
             latency_uncertainty_ns: self.pulse_uncertainty_ns,
             turned_ppb: track.turned_ppb(),
@@ -617,7 +623,7 @@ impl Discipline {
         ))
     }
 
-    /// Whether the followed pulse is there is told by its rise alone.
+    /// Whether the followed pulse is there is known from its rise alone.
     fn note_rise(&mut self, rise_ns: u64) {
         let Some(followed) = &mut self.followed else {
             return;
@@ -667,24 +673,24 @@ impl Waits {
     /// Whether a mark that has waited for so long teaches the floor.
     fn may_teach(
         &mut self,
-        heard: &Observation,
+        observed: &Observation,
         busy_us: u32,
         message_uncertainty_ns: f32,
     ) -> bool {
-        if heard.at.since(self.since) > ALL_WAITED.cast_signed() {
-            self.since = heard.at;
+        if observed.at.since(self.since) > ALL_WAITED.cast_signed() {
+            self.since = observed.at;
             self.least_before_us = core::mem::replace(&mut self.least_us, u32::MAX);
         }
         self.least_us = self.least_us.min(busy_us);
         if busy_us <= PROMPT_US {
-            self.prompt_at = heard.at;
+            self.prompt_at = observed.at;
             return true;
         }
-        let is_needed = heard
+        let is_needed = observed
             .uncertainty_ns
             .is_none_or(|ns| ns > message_uncertainty_ns + busy_us as f32 * 1e3);
         is_needed
-            && heard.at.since(self.prompt_at) > ALL_WAITED.cast_signed()
+            && observed.at.since(self.prompt_at) > ALL_WAITED.cast_signed()
             && busy_us <= self.least_before_us.saturating_add(LEAST_WAIT_US)
     }
 }

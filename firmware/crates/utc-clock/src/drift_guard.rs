@@ -6,7 +6,7 @@
 //! *Design.* A line that runs with the frequency of many minutes and is drawn after the floor by no
 //! more than [`FOLLOW_PPB`]. A floor that leaves it by more than floors wander is not a crystal's:
 //! its marks are refused. The line goes on being drawn, so that a receiver that has stopped
-//! drifting is heard again.
+//! drifting is believed again.
 //!
 //! Two floors of long ago are kept. The slope from the older one to the present floor is the
 //! frequency over 10 to 20 minutes: better than any that was learnt within a window, as long as the

@@ -182,14 +182,14 @@ pub struct Envelope {
     last_us: u64,
     /// Since when no mark has come near a line that is known.
     away: Option<Apart>,
-    /// From the start to the mark that is being heard, in s.
+    /// From the start to the mark that is being handled, in s.
     age_s: f32,
     bins: Bins<BINS>,
     edge: ArrivalDensity,
     wander: Wander,
     chore: Chore,
     window_s: f32,
-    /// How far the line may have drifted while nobody was heard, in ns.
+    /// How far the line may have drifted while no mark came, in ns.
     drifted_ns: f32,
     /// Of the frequency, in ppb².
     variance: f32,
@@ -209,7 +209,7 @@ pub struct Envelope {
 }
 
 impl Envelope {
-    /// An envelope that has heard nothing, of a crystal that is `crystal_ppb` fast, give
+    /// An envelope that has had no mark, of a crystal that is `crystal_ppb` fast, give
     /// or take `uncertainty_ppb`.
     #[must_use]
     pub fn new(crystal_ppb: f32, uncertainty_ppb: f32) -> Self {

@@ -25,7 +25,7 @@ use crate::utc::UtcNanos;
 pub(crate) const SECOND_NS: i64 = 1_000_000_000;
 
 /// The leap count when this was released: none since 2017-01-01 (IERS Bulletin C 72). A receiver
-/// that tells fewer does not know.
+/// that has fewer does not know.
 pub(crate) const RELEASED_COUNT: i8 = 18;
 
 /// While the number is open it may be off by all leap seconds there were. \[ns\]
@@ -295,9 +295,9 @@ impl Second {
     }
 
     /// Takes an answer to NAV-TIMELS; `utc` is what the clock reads, if it is set.
-    pub(crate) fn handle_leap_seconds(&mut self, told: &LeapSeconds, utc: Option<UtcNanos>) {
-        let is_from_sky = matches!(told.source, 1..=5 | 7 | 8);
-        let Some(count) = told
+    pub(crate) fn handle_leap_seconds(&mut self, received: &LeapSeconds, utc: Option<UtcNanos>) {
+        let is_from_sky = matches!(received.source, 1..=5 | 7 | 8);
+        let Some(count) = received
             .count
             .filter(|count| is_from_sky && *count >= RELEASED_COUNT)
         else {
@@ -314,11 +314,11 @@ impl Second {
             self.contradiction = None;
         }
         let believed = *self.count.get_or_insert(count);
-        let Some(event) = told.event.filter(|_| count == believed) else {
+        let Some(event) = received.event.filter(|_| count == believed) else {
             return;
         };
         if event.change != 0 {
-            self.announced = Some((told.arrival, event));
+            self.announced = Some((received.arrival, event));
         } else {
             self.announced = None;
             if let (Some(utc), Some(pending)) = (utc, self.event)

@@ -8,7 +8,7 @@ use crate::utc::{Ppb, UtcNanos};
 /// floors of real receivers wander. \[ns\]
 pub(crate) const LEARNT_UNCERTAINTY_NS: u32 = 10_000_000;
 
-/// What a clock is told about its receiver and its crystal.
+/// What a clock knows beforehand about its receiver and its crystal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
     /// Follow only marks whose `confirmedTime` is set.
@@ -23,7 +23,7 @@ pub struct Settings {
     /// cable has 5 ns a metre, and two receivers were 35 ns apart; and how far the filters are behind a
     /// ramp of 1 ppm a minute that turns round, before an innovation shows it. \[ns\]
     pub pulse_uncertainty_ns: u32,
-    /// The count of leap seconds, where nothing tells it: recordings without NAV-TIMELS. `None`:
+    /// The count of leap seconds, where no message has it: recordings without NAV-TIMELS. `None`:
     /// the receiver has to prove it.
     pub leap_seconds: Option<i8>,
     /// The earliest date that is believed; 1024 weeks after it is the end. A setting, so that

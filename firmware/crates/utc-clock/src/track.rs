@@ -18,9 +18,9 @@ use crate::holdover::{CRYSTAL_PPB, DRIFT_PPB_PER_S};
 use crate::kalman::{Kalman, Noise};
 use crate::second::SECOND_NS;
 
-/// A pulse is expected within so many standard deviations,
+/// How far from its place a pulse is expected: standard deviations,
 const GATE_SIGMAS: f32 = 6.0;
-/// and so many ns: a few of the M8's 60 ns (99 %, u-blox M8 data sheets, time pulse accuracy).
+/// and ns: a few of the M8's 60 ns (99 %, u-blox M8 data sheets, time pulse accuracy).
 const GATE_NS: f32 = 250.0;
 
 /// 30 ns RMS for an M8's pulse (u-blox M8 data sheets), and the capture's own step of 11.9 ns.
@@ -42,14 +42,14 @@ const RAMPING: Noise = Noise {
     ..QUIET
 };
 
-/// The quiet filter's innovations are averaged over so many pulses.
+/// The quiet filter's innovations are averaged over this number of pulses.
 const BIAS_OVER: f32 = 8.0;
-/// It lags when their mean is above so many standard deviations of one; white ones have 0.26.
+/// It lags when their mean is above this number of standard deviations of one; white ones have 0.26.
 const BIASED: f32 = 0.9;
 /// It does not lag any more when their mean is below.
 const UNBIASED: f32 = 0.5;
 
-/// For so many pulses the quiet filter is not asked after it has lagged: while a ramp turns
+/// For this number of pulses the quiet filter is not asked after it has lagged: while a ramp turns
 /// round, the mean passes through 0.
 const LAGS_FOR: u8 = 20;
 
@@ -64,14 +64,14 @@ const UNCERTAIN_SIGMAS: f32 = 2.55;
 /// That of the frequency, until the next pulse.
 const NEXT_SIGMAS: f32 = 1.3;
 
-/// An innovation is a surprise beyond so many of its standard deviations.
+/// An innovation is a surprise beyond this number of its standard deviations.
 const SURPRISE_SIGMAS: f32 = 4.0;
 /// A surprise is forgotten by this part of it a pulse.
 const SURPRISE_FORGOTTEN: f32 = 0.15;
 
-/// The ramping filter's innovations are averaged over so many pulses.
+/// The ramping filter's innovations are averaged over this number of pulses.
 const LAG_OVER: f32 = 3.0;
-/// It lags when their mean is beyond so many standard deviations of one; white ones have 0.45.
+/// It lags when their mean is beyond this number of standard deviations of one; white ones have 0.45.
 const LAGGING: f32 = 1.0;
 /// What is beyond so many may be lag already, and the phase be off by so many times as much, up to
 /// [`MOST_LAG_NS`].

@@ -14,7 +14,7 @@
 //! week off spoils nothing.
 //!
 //! *Limits.* A train of the right width and rhythm at a wrong phase that the receiver's words
-//! fit cannot be told from the pulse, if nothing was followed before it.
+//! fit cannot be distinguished from the pulse, if nothing was followed before it.
 
 use timebase::{CORE_HZ, Cycles, Polarity, PulseEdge, PulseForecast};
 

@@ -24,7 +24,7 @@ pub fn once_a_second(node: &mut Node, writer: &mut Writer) {
     let (node_time, reading) = clock::node_time_and_reading_at(now);
     let report = GNSS.get();
     writer.send(&node.heartbeat(node_time));
-    writer.send(&node.system_time(node_time, is_told(reading.state)));
+    writer.send(&node.system_time(node_time, is_reported(reading.state)));
     let recent = report
         .and_then(|report| report.receiver.fix)
         .filter(|(arrival, _)| now.since(*arrival) < FIX_LASTS);
@@ -43,7 +43,7 @@ pub fn once_a_second(node: &mut Node, writer: &mut Writer) {
 }
 
 /// Whether SYSTEM_TIME has UTC: a PX4 sends what it has, and so do the paper's variants.
-fn is_told(state: ClockState) -> bool {
+fn is_reported(state: ClockState) -> bool {
     state.is_proved() || VARIANT.is_papers()
 }
 

@@ -92,7 +92,7 @@ fn clocks_pins_and_freeze_bits_are_its_own_behind_every_bootloader() {
 }
 
 #[test]
-fn the_radio_is_told_to_send_when_it_has_started() {
+fn the_radio_may_send_when_it_has_started() {
     const GPIOD: u64 = 0x4002_0C00;
     let Some(firmware) = image() else { return };
     let mut board = Builder::new(firmware).power_on().unwrap();

@@ -222,7 +222,7 @@ fn a_card_that_takes_the_place_of_another_in_mid_file_stays_as_it_was() {
     let first = board.swap_card(Some(swapped)).unwrap().unwrap();
     assert!(first.transfers(Transfer::Write) > 0);
     board.run_to(WorldNanos(7 * SECOND)).unwrap();
-    // The bus fails first where the card was busy with a block: that it is another one is not told.
+    // The bus fails first where the card was busy with a block: that it is another one is not reported.
     let lines = lines_about_the_card(&mut board);
     let expected = ["Gone", "Failed"].map(|reason| format!("the log is not saved: {reason}"));
     assert!(

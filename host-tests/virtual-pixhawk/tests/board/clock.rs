@@ -205,7 +205,7 @@ fn a_replayed_recording_is_answered_with_its_own_utc() {
 }
 
 #[test]
-fn a_receiver_that_is_configured_already_is_heard_at_once() {
+fn a_receiver_that_is_configured_already_is_used_at_once() {
     let Some(firmware) = image() else { return };
     let mut settings = receiver_settings();
     settings.port = Port::CONFIGURED;

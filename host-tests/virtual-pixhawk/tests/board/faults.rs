@@ -1,4 +1,4 @@
-//! Faults, provoked from outside: shown by the LED, recorded, and told after the restart; and the board
+//! Faults, provoked from outside: shown by the LED, recorded, and reported after the restart; and the board
 //! that stops instead of restarting for ever.
 
 use crate::common::{BAUD, MS, SECOND, image, messages};
@@ -144,11 +144,11 @@ fn board(firmware: &Firmware) -> Pixhawk {
         .unwrap()
 }
 
-/// What is provoked, and what has to be told of it.
+/// What is provoked, and what has to be reported of it.
 struct Case {
     /// What the log says at once; nothing when nobody is left to say it.
     at_once: Option<String>,
-    /// How the log of the next run begins to tell it.
+    /// How the log of the next run begins to report it.
     later: String,
     text: String,
     number: f32,
@@ -177,7 +177,7 @@ fn errors(log: &[Logged]) -> Vec<&str> {
         .collect()
 }
 
-/// Provokes a fault once, and judges what is shown and told.
+/// Provokes a fault once, and judges what is shown and reported.
 fn judge(
     firmware: &Firmware,
     case: &Case,
@@ -234,7 +234,7 @@ fn patches(name: &str, code: &[u16]) -> impl FnOnce(&mut Pixhawk) -> Option<(Str
 }
 
 #[test]
-fn a_hard_fault_is_shown_and_told_with_its_place() {
+fn a_hard_fault_is_shown_and_reported_with_its_place() {
     let Some(firmware) = image() else { return };
     let at = firmware.symbol(ALARM).unwrap().address;
     let case = Case {
@@ -247,7 +247,7 @@ fn a_hard_fault_is_shown_and_told_with_its_place() {
 }
 
 #[test]
-fn a_bus_error_is_shown_and_told_with_its_address() {
+fn a_bus_error_is_shown_and_reported_with_its_address() {
     let Some(firmware) = image() else { return };
     let at = firmware.symbol(ALARM).unwrap().address + 6;
     let case = Case {
@@ -264,7 +264,7 @@ fn a_bus_error_is_shown_and_told_with_its_address() {
 }
 
 #[test]
-fn a_stack_overflow_is_shown_and_told() {
+fn a_stack_overflow_is_shown_and_reported() {
     let Some(firmware) = image() else { return };
     let case = Case {
         at_once: Some("hard fault: stack overflow".to_owned()),
@@ -280,7 +280,7 @@ fn a_stack_overflow_is_shown_and_told() {
 }
 
 #[test]
-fn a_panic_is_shown_and_told_with_its_line() {
+fn a_panic_is_shown_and_reported_with_its_line() {
     let Some(firmware) = image() else { return };
     let main = firmware.symbol(MAIN).unwrap().address;
     let mut board = board(&firmware);
@@ -309,16 +309,16 @@ fn a_panic_is_shown_and_told_with_its_line() {
     );
     let (texts, value) = texts_and_value(&mut board);
     let text = "restarted: panic, ";
-    let told = texts.iter().find(|told| told.starts_with(text));
+    let reported = texts.iter().find(|reported| reported.starts_with(text));
     assert!(
-        told.is_some_and(|told| told.contains("bring_up.rs:")),
+        reported.is_some_and(|reported| reported.contains("bring_up.rs:")),
         "{texts:?}"
     );
     assert_eq!(value, Some(1.0));
 }
 
 #[test]
-fn a_fault_inside_a_frame_of_the_log_is_shown_and_told() {
+fn a_fault_inside_a_frame_of_the_log_is_shown_and_reported() {
     let Some(firmware) = image() else { return };
     let at = firmware.symbol(IN_A_FRAME).unwrap().address;
     let case = Case {
@@ -333,7 +333,7 @@ fn a_fault_inside_a_frame_of_the_log_is_shown_and_told() {
 }
 
 #[test]
-fn an_interrupt_without_a_handler_is_shown_and_told() {
+fn an_interrupt_without_a_handler_is_shown_and_reported() {
     let Some(firmware) = image() else { return };
     let case = Case {
         at_once: Some("interrupt 67 has no handler".to_owned()),
@@ -359,7 +359,7 @@ fn an_interrupt_without_a_handler_is_shown_and_told() {
 }
 
 #[test]
-fn a_crystal_that_dies_is_shown_on_the_other_clock_and_told() {
+fn a_crystal_that_dies_is_shown_on_the_other_clock_and_reported() {
     let Some(firmware) = image() else { return };
     let case = Case {
         at_once: Some("the crystal failed".to_owned()),
@@ -374,7 +374,7 @@ fn a_crystal_that_dies_is_shown_on_the_other_clock_and_told() {
 }
 
 #[test]
-fn a_task_that_stops_is_found_shown_and_told() {
+fn a_task_that_stops_is_found_shown_and_reported() {
     let Some(firmware) = image() else { return };
     for (of, name) in [("gnss", "GNSS"), ("mavlink", "MAVLink")] {
         let case = Case {
@@ -391,7 +391,7 @@ fn a_task_that_stops_is_found_shown_and_told() {
 }
 
 #[test]
-fn a_tick_that_stops_is_told_after_the_watchdog() {
+fn a_tick_that_stops_is_reported_after_the_watchdog() {
     let Some(firmware) = image() else { return };
     let case = Case {
         at_once: None,

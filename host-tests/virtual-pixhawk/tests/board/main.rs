@@ -30,4 +30,4 @@ mod pulse;
 mod steering;
 #[cfg(test)]
 mod ticks;
-mod told;
+mod visible;

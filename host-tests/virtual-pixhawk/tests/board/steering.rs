@@ -77,7 +77,7 @@ fn clocks(
 fn with_a_pulse_it_keeps_the_truth_within_the_bound() {
     let Some(firmware) = image() else { return };
     // A pulse at constant temperature: mean 22 ns and most 130 of two boards' difference. The input's
-    // synchroniser adds half a count of 12 ns to either side, which no reading can tell.
+    // synchroniser adds half a count of 12 ns to either side, which no reading can show.
     let (mean_ns, most_ns) = (22.0 + 6.0, 130);
     let [one, other] = clocks(&firmware, &receiver_settings(), Aux5::Wired, (180, 480));
     let check = |name: &str, errors_ns: Vec<i64>| {

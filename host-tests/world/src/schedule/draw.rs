@@ -1,6 +1,6 @@
 //! Schedules drawn from seeds.
 //!
-//! *Design.* A fault that breaks a rule of [`Schedule::is_tellable`] together with the
+//! *Design.* A fault that breaks a rule of [`Schedule::is_detectable`] together with the
 //! others is drawn again.
 
 use fastrand::Rng;
@@ -47,9 +47,9 @@ impl Schedule {
         schedule
     }
 
-    /// A schedule with a fault that nothing on the board can tell.
+    /// A schedule with a fault that nothing on the board can detect.
     #[must_use]
-    pub fn draw_untellable(seed: u64) -> Self {
+    pub fn draw_undetectable(seed: u64) -> Self {
         let mut rng = stream(seed, Stream::Schedule);
         let mut schedule = Self::without_faults(seed, &mut rng);
         // The last kind is a floor that no clock without a pulse allows for.
@@ -138,7 +138,7 @@ impl Schedule {
                 }
             }
             self.faults.push(fault);
-            if self.is_tellable() {
+            if self.is_detectable() {
                 return true;
             }
             self.faults.pop();

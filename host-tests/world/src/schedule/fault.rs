@@ -39,37 +39,37 @@ impl Fault {
 pub enum FaultKind {
     /// The least latency is another one.
     FloorStep {
-        /// By so many ms.
+        /// How far, in ms.
         by_ms: f64,
     },
     /// The least latency moves away and back.
     FloorRamp {
-        /// By so many ms.
+        /// How far, in ms.
         by_ms: f64,
-        /// Within so many s, each way.
+        /// How fast each way, in s.
         edge_s: f64,
     },
     /// The least latency goes up and down.
     FloorBreathe {
         /// From its middle to its end, in ms.
         by_ms: f64,
-        /// Once in so many s.
+        /// How often, in s.
         period_s: f64,
     },
     /// Other messages leave before each mark.
     Queue {
-        /// For so many ms.
+        /// For how long, in ms.
         by_ms: f64,
-        /// They grow and shrink within so many s.
+        /// How fast they grow and shrink, in s.
         edge_s: f64,
     },
     /// The line is full: all messages come later and later, until it drains.
     Lag {
-        /// At most by so many s.
+        /// How far at most, in s.
         peak_s: f64,
-        /// It grows for so many s; 0 if it is there before the start.
+        /// How long it grows, in s; 0 if it is there before the start.
         rise_s: f64,
-        /// It ebbs for so many s.
+        /// How long it ebbs, in s.
         fall_s: f64,
     },
     /// The first marks are less late than they should be (or more, below 0): their
@@ -77,19 +77,19 @@ pub enum FaultKind {
     FirstMarks {
         /// How many.
         marks: u8,
-        /// By so many ms.
+        /// How far, in ms.
         by_ms: f64,
     },
     /// The label of the first mark in the span is ahead.
     LabelOnce {
-        /// By so many ms.
+        /// How far, in ms.
         by_ms: f64,
     },
     /// All labels are ahead.
     Labels {
-        /// By so many ns.
+        /// How far, in ns.
         by_ns: i64,
-        /// TIM-TP tells the same, where it is whole seconds.
+        /// TIM-TP has the same, where it is whole seconds.
         is_in_tim_tp: bool,
     },
     /// The receiver applies a leap second that is months away.
@@ -100,7 +100,7 @@ pub enum FaultKind {
         count: i8,
         /// What NAV-TIMELS calls its source.
         source: u8,
-        /// NAV-PVT's `valid` and TIM-TP tell that it is not known.
+        /// NAV-PVT's `valid` and TIM-TP say that it is not known.
         is_told: bool,
     },
     /// The receiver starts anew.
@@ -116,16 +116,16 @@ pub enum FaultKind {
     Silence,
     /// A switch takes another receiver, as good as the first.
     OtherReceiver {
-        /// Its least latency is another one, by so many ms.
+        /// How far its least latency changes, in ms.
         floor_by_ms: f64,
-        /// Its pulse comes so many ns later.
+        /// How much later its pulse comes, in ns.
         pulse_by_ns: f64,
     },
     /// The pulse, of our width, runs freely.
     PulseFreeRun {
-        /// It begins so many ms behind the second.
+        /// How far behind the second it begins, in ms.
         phase_ms: f64,
-        /// It is slow by so many ppm.
+        /// How slow it is, in ppm.
         ppm: f64,
         /// What TIM-TP has to say of it.
         word: PulseWord,
@@ -146,7 +146,7 @@ pub enum FaultKind {
     PulseRate {
         /// In Hz.
         hz: u32,
-        /// TIM-TP tells of it; else it is another device's.
+        /// TIM-TP announces it; else it is another device's.
         is_told: bool,
     },
     /// The pulse has the other polarity.
@@ -158,9 +158,9 @@ pub enum FaultKind {
     },
     /// The wire is another device's, which makes a pulse a second.
     PulseSwap {
-        /// It begins so many ms behind the second.
+        /// How far behind the second it begins, in ms.
         phase_ms: f64,
-        /// It is slow by so many ppm.
+        /// How slow it is, in ppm.
         ppm: f64,
         /// So many ms wide.
         width_ms: f64,
@@ -169,12 +169,12 @@ pub enum FaultKind {
     PulseCut,
     /// By chance a pulse is missing.
     PulseMissing {
-        /// One in so many.
+        /// One in this number.
         one_in: u32,
     },
     /// By chance a pulse comes at some other moment of its second.
     PulseOdd {
-        /// One in so many.
+        /// One in this number.
         one_in: u32,
     },
     /// TIM-TP's qErr is nonsense.
@@ -183,7 +183,7 @@ pub enum FaultKind {
     TimTpLie(TimTpLie),
     /// A forged sky that is smooth from the start: labels, TIM-TP and pulse agree.
     ForgedSky {
-        /// All of it is ahead by so many ns.
+        /// How far all of it is ahead, in ns.
         by_ns: i64,
     },
     /// The pulse is dragged off its second by somebody who forges TIM-TP, too.
@@ -215,7 +215,7 @@ pub enum RestartPulse {
     GoesOn,
 }
 
-/// What a receiver that has started anew tells.
+/// What a receiver that has started anew sends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RestartLie {
     /// The right time.

@@ -18,7 +18,7 @@ const NAV_PVT_BYTES: i64 = 100;
 const TIM_TP_BYTES: i64 = 24;
 /// TIM-TP that leaves by itself is made so late in its second, in ns.
 const TIM_TP_ALONE_NS: i64 = 360_000_000;
-/// TIM-TP's time of week is so many ms behind a whole second where it tells of one that
+/// TIM-TP's time of week is so many ms behind a whole second where it announces one that
 /// is none.
 const FRACTION_MS: i64 = 350;
 /// The start of GPS weeks, in s since 1970.
@@ -43,7 +43,7 @@ impl Schedule {
         let period_ns = receiver.period_ms * 1_000_000;
         let epochs = (self.lasts_s * 1e9) as i64 / period_ns;
         // Marks since the receiver's last start, and since a label was to be off once.
-        let mut heard = 0_u32;
+        let mut sent = 0_u32;
         let mut had_once = vec![false; self.faults.len()];
         for epoch_ns in (0..epochs).map(|number| number * period_ns) {
             let at_s = epoch_ns as f64 * 1e-9;
@@ -51,13 +51,13 @@ impl Schedule {
             let is_lost = one_in(&mut rng, receiver.lost_one_in);
             let belief = self.belief(at_s);
             if belief.is_silent {
-                heard = 0;
+                sent = 0;
                 continue;
             }
             let ready_ns = epoch_ns + ((self.floor_ms(at_s) + jitter_ms) * NS_PER_MS) as i64;
             if !is_lost {
-                let label_ns = belief.label_ns + self.once_ns(at_s, heard, &mut had_once);
-                heard += 1;
+                let label_ns = belief.label_ns + self.once_ns(at_s, sent, &mut had_once);
+                sent += 1;
                 ready.push(Ready {
                     at_ns: ready_ns,
                     bytes: NAV_PVT_BYTES,
@@ -118,12 +118,12 @@ impl Schedule {
     }
 
     /// What is ahead in one label alone, in ns.
-    fn once_ns(&self, at_s: f64, heard: u32, had_once: &mut [bool]) -> i64 {
+    fn once_ns(&self, at_s: f64, sent: u32, had_once: &mut [bool]) -> i64 {
         let mut ahead_ms = 0.0;
         for (fault, had) in self.faults.iter().zip(had_once) {
             match fault.kind {
                 FaultKind::FirstMarks { marks, by_ms }
-                    if fault.is_at(at_s) && heard < u32::from(marks) =>
+                    if fault.is_at(at_s) && sent < u32::from(marks) =>
                 {
                     ahead_ms += by_ms;
                 }

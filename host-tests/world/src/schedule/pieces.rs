@@ -52,7 +52,7 @@ pub(super) const OF_PULSES: [Draw; 13] = [
     other_receiver,
 ];
 
-/// What nothing on the board can tell.
+/// What nothing on the board can detect.
 pub(super) const UNTELLABLE: [Draw; 3] = [forged_sky, shifted_for_ever, dragged];
 
 /// A fault that begins anywhere.

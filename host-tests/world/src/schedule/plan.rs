@@ -41,7 +41,7 @@ pub struct FieldReceiver {
     pub is_tim_tp_behind: bool,
     /// The pulse is wired.
     pub has_pulse: bool,
-    /// How far its edges are off beside what TIM-TP tells, root of the mean square, in
+    /// How far its edges are off beside what TIM-TP says, root of the mean square, in
     /// ns.
     pub pulse_noise_ns: f64,
     /// How wide it was asked to make its pulse, in ms.
@@ -50,7 +50,7 @@ pub struct FieldReceiver {
     pub t_acc_ns: u32,
     /// Until then it has no time after its start, in s.
     pub valid_from_s: f64,
-    /// Where its leap count comes from, as NAV-TIMELS tells it.
+    /// Where its leap count comes from, as NAV-TIMELS has it.
     pub leap_source: u8,
     /// It counts to the end of second 60, not to its start.
     pub is_event_late: bool,
@@ -74,7 +74,7 @@ impl Schedule {
                 _ => 0.0,
             })
             .sum();
-        // No receiver tells an epoch before it is over.
+        // No receiver sends an epoch before it is over.
         (self.receiver.floor_ms + moved).max(MIN_FLOOR_MS)
     }
 

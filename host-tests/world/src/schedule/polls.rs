@@ -22,7 +22,7 @@ const POLL_BEFORE_EVENT_S: f64 = 60.0;
 const POLL_AFTER_EVENT_S: f64 = 120.0;
 /// A contradicted second is asked about after so long, in s.
 const POLL_CONTRADICTED_S: f64 = 1.0;
-/// What NAV-TIMELS tells of the past leap second: 2017-01-01, in s since 1970.
+/// What NAV-TIMELS says of the past leap second: 2017-01-01, in s since 1970.
 const LAST_LEAP_S: i64 = 1_483_228_800;
 /// A leap second that is announced for months later, in s.
 const MONTHS_S: i32 = 19_090_556;

@@ -140,10 +140,10 @@ mod tests {
     fn the_second_lowest_comes_back() {
         let line = Trend::default();
         let mut bins = Bins::<3>::new(10);
-        let heard: Vec<_> = [7, 9, 3, 5, 1]
+        let received: Vec<_> = [7, 9, 3, 5, 1]
             .into_iter()
             .map(|ns| bins.fill(point(0, ns), ns.cast_signed(), &line))
             .collect();
-        assert_eq!(heard, [None, Some(9), Some(7), Some(5), Some(3)]);
+        assert_eq!(received, [None, Some(9), Some(7), Some(5), Some(3)]);
     }
 }

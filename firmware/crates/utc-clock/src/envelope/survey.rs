@@ -27,7 +27,7 @@ pub(super) struct Survey {
 }
 
 impl Survey {
-    /// A survey of the last `span_s` before the moment that `line` is told from.
+    /// A survey of the last `span_s` before the moment that `line` begins at.
     pub(super) const fn new(line: Trend, span_s: f32) -> Self {
         Self {
             line,

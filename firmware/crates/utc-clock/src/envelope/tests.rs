@@ -5,7 +5,7 @@ use super::*;
 const MS: i64 = 1_000_000;
 const PERIOD_US: i64 = 200_000;
 
-/// A receiver at 5 Hz on a board whose crystal is so fast, and what it was told last.
+/// A receiver at 5 Hz on a board whose crystal is so fast, and its last mark.
 struct Marks {
     envelope: Envelope,
     crystal_ppb: i64,
@@ -44,7 +44,7 @@ impl Marks {
     }
 
     /// Marks for so many seconds; the last floor.
-    fn hear_for(&mut self, s: i64, floor_ns: impl Fn(f64) -> f64) -> EnvelopeEstimate {
+    fn feed_for(&mut self, s: i64, floor_ns: impl Fn(f64) -> f64) -> EnvelopeEstimate {
         let mut last = None;
         for _ in 0..s * 5 {
             let at_s = self.number as f64 / 5.0;
@@ -61,7 +61,7 @@ impl Marks {
 fn floor_and_frequency_are_found() {
     for crystal_ppb in [-50_000, 0, 44_000] {
         let mut marks = Marks::new(crystal_ppb);
-        let floor = marks.hear_for(180, |_| 0.0);
+        let floor = marks.feed_for(180, |_| 0.0);
         assert!(
             (floor.crystal_ppb - crystal_ppb as f32).abs() < 5_000.0,
             "{floor:?}"
@@ -80,7 +80,7 @@ fn floor_and_frequency_are_found() {
 fn a_crystal_at_the_edge_of_what_they_are_is_found_too() {
     for crystal_ppb in [-97_000, 97_000] {
         let mut marks = Marks::new(crystal_ppb);
-        let floor = marks.hear_for(180, |_| 0.0);
+        let floor = marks.feed_for(180, |_| 0.0);
         let off_ppb = (floor.crystal_ppb - crystal_ppb as f32).abs();
         assert!(off_ppb < 5_000.0, "{floor:?}");
     }
@@ -89,7 +89,7 @@ fn a_crystal_at_the_edge_of_what_they_are_is_found_too() {
 #[test]
 fn what_is_too_late_is_left_alone() {
     let mut marks = Marks::new(20_000);
-    marks.hear_for(200, |_| 0.0);
+    marks.feed_for(200, |_| 0.0);
     for _ in 0..20 {
         assert_eq!(marks.handle(160 * MS), EnvelopeVerdict::Late);
     }
@@ -102,7 +102,7 @@ fn what_is_too_late_is_left_alone() {
 #[test]
 fn what_is_too_early_has_to_be_confirmed() {
     let mut marks = Marks::new(20_000);
-    marks.hear_for(200, |_| 0.0);
+    marks.feed_for(200, |_| 0.0);
     for _ in 0..9 {
         for _ in 0..2 {
             assert_eq!(marks.handle(20 * MS), EnvelopeVerdict::Early);
@@ -129,17 +129,17 @@ fn what_is_too_early_has_to_be_confirmed() {
 fn a_floor_that_wanders_is_noticed_and_is_no_frequency() {
     let mut marks = Marks::new(30_000);
     let wandering = |s: f64| 4e6 * (s * core::f64::consts::TAU / 120.0).sin();
-    let floor = marks.hear_for(900, wandering);
+    let floor = marks.feed_for(900, wandering);
     assert!(floor.uncertainty_ns > 2e6, "{floor:?}");
     assert!((floor.crystal_ppb - 30_000.0).abs() < 2_000.0, "{floor:?}");
-    let floor = marks.hear_for(900, |_| 0.0);
+    let floor = marks.feed_for(900, |_| 0.0);
     assert!(floor.uncertainty_ns < 1e6, "{floor:?}");
 }
 
 #[test]
 fn the_first_mark_after_silence_draws_nothing_after_it() {
     let mut marks = Marks::new(30_000);
-    marks.hear_for(300, |_| 0.0);
+    marks.feed_for(300, |_| 0.0);
     marks.number += 5 * 600;
     let EnvelopeVerdict::Estimate(floor) = marks.handle(80 * MS) else {
         panic!("a good mark");

@@ -36,7 +36,7 @@ impl Trend {
             .cast_signed()
     }
 
-    /// The same line, told from another moment.
+    /// The same line, seen from another moment.
     pub(super) fn moved_to(&self, at_us: u32) -> Self {
         let rise_ns = self.crystal_ppb * seconds(at_us, self.at_us);
         self.raised(rise_ns as i32).at(at_us)

@@ -1,4 +1,4 @@
-//! What is not known is told: by the LED, in STATUSTEXTs and in what ground stations plot.
+//! What is not known is visible: by the LED, in STATUSTEXTs and in what ground stations plot.
 
 use crate::common::{MS, SECOND, image, messages, receiver_settings};
 use console::Status;
@@ -86,7 +86,7 @@ fn a_second_that_is_not_proved_has_flashes_of_its_own() {
 }
 
 #[test]
-fn what_is_known_is_told_when_it_changes_and_plotted_each_second() {
+fn what_is_known_is_reported_when_it_changes_and_plotted_each_second() {
     let Some(firmware) = image() else { return };
     let mut settings = receiver_settings();
     settings.cold_start_ns = 3 * SECOND;
@@ -133,7 +133,7 @@ fn what_is_known_is_told_when_it_changes_and_plotted_each_second() {
     let proved_at = log
         .iter()
         .find(|line| line.line.text == "the second is proved")
-        .expect("the proof is told")
+        .expect("the proof is reported")
         .at;
     for (at, what) in &sent {
         if let Message::SystemTime { time_unix_usec, .. } = what {

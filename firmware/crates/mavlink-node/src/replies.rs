@@ -156,9 +156,9 @@ impl Home {
     }
 }
 
-/// What is still to be told.
+/// What still has to be answered.
 #[derive(Debug)]
-pub(crate) struct PendingTold {
+pub(crate) struct PendingReplies {
     autopilot: Option<Version>,
     protocol: bool,
     home_asked: Option<Version>,
@@ -169,7 +169,7 @@ pub(crate) struct PendingTold {
     pub(crate) file: Option<FileAsked>,
 }
 
-impl PendingTold {
+impl PendingReplies {
     pub(crate) const NONE: Self = Self {
         autopilot: None,
         protocol: false,
@@ -204,7 +204,7 @@ impl PendingTold {
         }
     }
 
-    /// Whether it can be told now.
+    /// Whether it can be answered now.
     pub(crate) const fn is_known(&self, what: Described) -> bool {
         match what {
             Described::Autopilot | Described::Protocol => true,

@@ -1,4 +1,4 @@
-//! What the evidence on a board is able to tell.
+//! What the evidence on a board can show.
 
 use super::plan::MIN_FLOOR_MS;
 use super::{Fault, FaultKind, RestartLie, Schedule, TimTpLie};
@@ -15,22 +15,22 @@ const EVENT_ALONE_S: f64 = 130.0;
 const SEEN_SILENCE_S: f64 = 5.0;
 
 impl Schedule {
-    /// Whether the evidence on the board is enough to tell each fault.
+    /// Whether the evidence on the board is enough to detect each fault.
     ///
     /// - Labels that are wrong, with nothing else to say against them, need a clock that
     ///   has been set by right ones. So does a shifted pulse that TIM-TP confirms; that
     ///   one needs a clock that followed the pulse right before, or its phase is as good
     ///   as any.
-    /// - A pulse that leaves its second as slowly as a crystal moves is told by TIM-TP's
+    /// - A pulse that leaves its second as slowly as a crystal moves is detected by TIM-TP's
     ///   word, or by its absence: no lag and no silence may be the reason for that.
     /// - Wrong labels stand for less than 300 s: after that they are the reason to start
     ///   anew.
     /// - Restarts do not overlap, and one with another leap count shows: it is silent for 5 s,
     ///   or the clock has been set.
-    /// - A leap second is told by the count alone: around it, no label and no count is wrong.
+    /// - A leap second is detected by the count alone: around it, no label and no count is wrong.
     /// - The floor stays between 5 and 145 ms.
     #[must_use]
-    pub fn is_tellable(&self) -> bool {
+    pub fn is_detectable(&self) -> bool {
         let of = |kind: fn(&FaultKind) -> bool| {
             self.faults.iter().filter(move |fault| kind(&fault.kind))
         };

@@ -60,7 +60,7 @@ pub enum ClockEvent {
         /// For how long already. \[s\]
         for_s: u64,
     },
-    /// A test was to begin, and so many samples would have been lost.
+    /// A test was to begin, and this number of samples would have been lost.
     Unsaved(u32),
     /// The log of a test is not on the card; it still is in memory.
     NotSaved(NotSaved),

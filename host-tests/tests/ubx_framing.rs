@@ -240,7 +240,7 @@ fn with_each_message_comes_for_how_long_the_line_had_been_busy() {
     let forecast = ubx::frame(0x0d, 0x01, &ubx::tim_tp_payload(0, 0));
     let leap_seconds = ubx::frame(0x01, 0x26, &[0; 24]);
     let noise = vec![0x5a; 1_000];
-    // Each after a pause of so many byte times beside its own.
+    // Each after a pause, in byte times beside its own.
     let stretches = [
         (0, vec![nav_pvt(0)]),
         (3, vec![nav_pvt(1), forecast.clone()]),

@@ -39,7 +39,7 @@ pub struct Options {
     /// Print one JSON object
     #[arg(long)]
     json: bool,
-    /// Write so many of the worst as files that `replay` plays
+    /// Write the N worst as files that `replay` plays
     #[arg(long, value_name = "N", default_value_t = 0)]
     worst: usize,
     /// Where to; otherwise into target/integrity/

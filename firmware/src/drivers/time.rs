@@ -105,7 +105,7 @@ pub enum NotStarted {
     },
 }
 
-/// For so many ticks the witness is held against SysTick at the start: 1 ms and more.
+/// Ticks during which the witness is compared with SysTick at the start: 1 ms and more.
 const RATIO_TICKS: u32 = 1_000_u32.div_ceil(VARIANT.tick_us()) + 1;
 
 /// Starts the witness, and SysTick at [`priorities::TICK`].

@@ -18,7 +18,7 @@ use crate::drivers::time;
 #[embassy_executor::task]
 pub async fn run(mut led: Led) {
     loop {
-        // Lit and dark in turn, for so many ms.
+        // Lit and dark in turn, in ms.
         let pattern: &[u16] = match clock::reading_at(time::now()).state {
             ClockState::Unset => &[100, 100],
             ClockState::Set => &[50, 950],

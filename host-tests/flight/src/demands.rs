@@ -15,7 +15,7 @@ use world::WorldPicos;
 use crate::judge::Tally;
 use crate::{Reading, Window};
 
-/// Of a thousand readings so many have to be set to be right.
+/// Readings of a thousand that have to be set for a span to be right.
 const SET_PERMILLE: u64 = 999;
 /// A bound up to here is one that only a proved pulse can keep, in ns.
 const PULSE_BOUND_NS: u64 = 250;
@@ -27,7 +27,7 @@ const MESSAGE_CLAIM_NS: u64 = 250_000_000;
 /// What can be demanded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// To be right within so many ns.
+    /// To be right within a number of ns.
     Right {
         /// How far off a reading may be, in ns.
         bound_ns: u64,

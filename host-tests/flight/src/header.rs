@@ -35,7 +35,7 @@ pub struct Header {
 pub struct LeapStep {
     /// From this moment on.
     pub at: WorldPicos,
-    /// By so many ns.
+    /// How far, in ns.
     pub by_ns: i64,
 }
 

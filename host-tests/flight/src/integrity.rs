@@ -34,7 +34,7 @@ pub const TUNING: Range<u64> = 0..1_000_000;
 pub const JUDGING: Range<u64> = 1_000_000..1_002_000;
 /// Seeds that are judged each time that everything is checked.
 pub const CHECKED: Range<u64> = 2_000_000..2_000_200;
-/// Of so many schedules that can be detected there is one that cannot.
+/// Schedules that can be detected for each one that cannot.
 pub const TELLABLE_PER_UNTELLABLE: u64 = 10;
 
 /// A schedule without faults has a receiver with a latency that no clock allows for.
@@ -52,7 +52,7 @@ const CLOSE_CLAIM_NS: u64 = 200;
 /// Each share is at least this.
 const LEAST_PERMILLE: u64 = 999;
 
-/// Of so many so many.
+/// A part of a whole, both counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Share {
     /// That did.

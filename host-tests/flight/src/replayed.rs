@@ -10,7 +10,7 @@ use crate::judge::Tally;
 use crate::player::{self, Setup, Totals};
 use crate::{Flight, Reading, Window};
 
-/// The picture has at most so many points.
+/// Limit of the picture's points.
 const POINTS: i64 = 1_200;
 
 /// A flight with its readings judged.

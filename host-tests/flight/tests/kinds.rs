@@ -16,7 +16,7 @@ const MS: u64 = 1_000_000;
 /// The latency of the receiver, and 20 ms.
 const UNTOLD_NS: u64 = 90 * MS;
 
-/// A receiver with these faults for so many s.
+/// A receiver with these faults for `lasts_s` seconds.
 fn schedule(has_pulse: bool, lasts_s: f64, faults: &[(f64, f64, FaultKind)]) -> Schedule {
     let faults = faults.iter().map(|&(from_s, until_s, kind)| Fault {
         from_s,
@@ -48,7 +48,7 @@ fn schedule(has_pulse: bool, lasts_s: f64, faults: &[(f64, f64, FaultKind)]) -> 
     }
 }
 
-/// Right within so many ns in each of these spans, and misleading in none.
+/// Right in each of these spans within its number of ns, and misleading in none.
 fn right(schedule: &Schedule, spans: &[(f64, f64, u64)]) {
     let span = |from_s, until_s| Window {
         from_s,

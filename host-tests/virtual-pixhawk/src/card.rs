@@ -57,7 +57,7 @@ pub enum Fault {
     AnswerDamaged,
     /// The card falls out of the slot in front of it.
     Pulled,
-    /// The card takes it, and is busy with it for so many ms.
+    /// The card takes it, and is busy with it for this long, in ms.
     Busy(u64),
 }
 

@@ -10,9 +10,10 @@
 //! log, its statics and what it has sent are read where it stands, and a meter counts what it
 //! executes. [`Gaps`] has what the emulator does not model: a run without gaps can be believed.
 //!
-//! *Limits.* Each instruction takes the same time, one cycle or so many as
-//! [`CyclesPerInstruction`] says: no wait states, no time for entering an exception. A UART's words take the board's own ten bit times. The USB device and
-//! hardware flow control have no model. The crystal does not wander during a run.
+//! *Limits.* Each instruction takes the same time, one cycle unless [`CyclesPerInstruction`]
+//! says otherwise: no wait states, no time for entering an exception. A UART's words take the
+//! board's own ten bit times. The USB device and hardware flow control have no model. The crystal
+//! does not wander during a run.
 
 mod board;
 mod bootloader;

@@ -225,7 +225,7 @@ impl Volume {
         self.data - self.root
     }
 
-    /// Clusters that so many bytes take.
+    /// Clusters that this number of bytes takes.
     pub(crate) const fn clusters_for(&self, bytes: u32) -> u32 {
         bytes.div_ceil(self.cluster_bytes())
     }

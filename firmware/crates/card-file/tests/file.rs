@@ -103,7 +103,7 @@ fn a_number_is_never_given_twice_and_behind_the_last_one_come_those_left_out() {
     }
 }
 
-/// A card with so many bytes free, at its beginning, and a hint at its end.
+/// A card with `free` bytes free, at its beginning, and a hint at its end.
 fn nearly_full(kind: Kind, free: usize) -> Vec<u8> {
     let mut image = fat_image::formatted(kind);
     fat_image::put(&mut image, "first.bin", free);

@@ -49,7 +49,7 @@ mod tests {
     use super::*;
     use crate::Hang;
 
-    /// Which of the faults, each after a run of so many ms for that reason, is the end.
+    /// Which of the faults, each after a run of that length in ms for that reason, is the end.
     fn end(faults: &[(Reason, u32)]) -> Option<usize> {
         let mut before = None;
         faults.iter().position(|&(reason, up_ms)| {

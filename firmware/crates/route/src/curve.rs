@@ -13,7 +13,7 @@ use crate::refusal::Refusal;
 
 /// The greatest latitude of any of a curve's points, north and south. \[rad\]
 const MAX_LATITUDE: f64 = 85.0 / 180.0 * PI;
-/// The length is integrated over so many equal parts of t: within 0.01 mm on curves of 3 km, and
+/// Equal parts of t over which the length is integrated: within 0.01 mm on curves of 3 km, and
 /// exact where a cusp is at ½.
 const PARTS: u32 = 4;
 /// More pieces than this are not made. At 1 mm they suffice for handles 85 km away.

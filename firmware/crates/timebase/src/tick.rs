@@ -241,7 +241,7 @@ mod tests {
 
     use super::*;
 
-    /// Counters whose registers take their time: so many cycles until a register is looked at.
+    /// Counters whose registers take their time: the cycles until a register is read.
     struct Bus {
         now: Cell<u64>,
         down_count_after: u64,

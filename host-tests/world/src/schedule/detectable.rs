@@ -143,7 +143,7 @@ impl Schedule {
         hours.count() <= 1
     }
 
-    /// When the first stretch of so many s begins in which nothing keeps a clock from
+    /// When the first stretch of `for_s` seconds begins in which nothing keeps a clock from
     /// being set.
     fn settled_from(&self, for_s: f64) -> f64 {
         let mut from_s = self.receiver.valid_from_s.max(0.0) + 11.0;

@@ -13,10 +13,11 @@ use crate::chance::{Stream, even, stream};
 /// The first and the last day on which a flight begins, in s since 1970: 2025-06-01
 /// and 2040-01-01.
 const DAYS_S: std::ops::Range<i64> = 1_748_736_000..2_208_988_800;
-/// Crystals are within so many ppm, and move by at most so many a minute.
+/// Limit of a crystal's error, in ppm.
 const MOST_PPM: f64 = 97.0;
+/// Limit of its change, in ppm a minute.
 const MOST_PPM_PER_MIN: f64 = 1.0;
-/// One schedule in so many has a leap second.
+/// Schedules for each one that has a leap second.
 const EVENT_ONE_IN: u32 = 12;
 const DAY_S: i64 = 86_400;
 /// Attempts at a fault that keeps the rules.
@@ -100,7 +101,7 @@ impl Schedule {
         schedule
     }
 
-    /// In one schedule of so many, a leap second at the end of its day.
+    /// In one schedule of [`EVENT_ONE_IN`], a leap second at the end of its day.
     fn draw_event(&mut self) {
         let mut rng = stream(self.seed, Stream::ScheduleEvent);
         if rng.u32(..EVENT_ONE_IN) != 0 {

@@ -209,7 +209,7 @@ pub enum PulseWord {
 pub enum RestartPulse {
     /// There is none.
     Silent,
-    /// It runs freely, so many ms behind the second.
+    /// It runs freely, this far behind the second, in ms.
     RunsFreely(f64),
     /// It goes on as if nothing had happened, and so does TIM-TP but for its date.
     GoesOn,
@@ -220,7 +220,7 @@ pub enum RestartPulse {
 pub enum RestartLie {
     /// The right time.
     Nothing,
-    /// The date of its memory, off by so many days.
+    /// The date of its memory, off by whole days.
     Date {
         /// Below 0 in the past.
         by_days: i32,

@@ -18,8 +18,8 @@ const NAV_PVT_BYTES: i64 = 100;
 const TIM_TP_BYTES: i64 = 24;
 /// TIM-TP that leaves by itself is made so late in its second, in ns.
 const TIM_TP_ALONE_NS: i64 = 360_000_000;
-/// TIM-TP's time of week is so many ms behind a whole second where it announces one that
-/// is none.
+/// How far TIM-TP's time of week is behind a whole second where it announces one that is none,
+/// in ms.
 const FRACTION_MS: i64 = 350;
 /// The start of GPS weeks, in s since 1970.
 const GPS_EPOCH_S: i64 = 315_964_800;

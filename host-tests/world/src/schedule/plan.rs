@@ -16,7 +16,7 @@ pub struct Schedule {
     pub leap_at_s: Option<f64>,
     /// The receiver.
     pub receiver: FieldReceiver,
-    /// The board's crystal: at these seconds it is fast by so many ppm, and linear
+    /// The board's crystal: points of time in s and how fast it is there in ppm, linear
     /// between.
     pub crystal: Vec<(f64, f64)>,
     /// What goes wrong.
@@ -33,9 +33,9 @@ pub struct FieldReceiver {
     /// How much later they usually are: the standard deviation of half a bell curve,
     /// in ms.
     pub jitter_ms: f64,
-    /// By chance one message in so many is late by some 15 ms more; 0 is none.
+    /// Messages for each one that is late by some 15 ms more, by chance; 0 is none late.
     pub late_one_in: u32,
-    /// By chance one solution in so many is lost; 0 is none.
+    /// Solutions for each one that is lost, by chance; 0 is none lost.
     pub lost_one_in: u32,
     /// TIM-TP leaves right behind the second's NAV-PVT; else by itself later.
     pub is_tim_tp_behind: bool,

@@ -25,6 +25,19 @@ impl Layout {
         (usize::from(self.vector) + length, unknown != 0)
     }
 
+    /// How long data with all fields are. \[bytes\]
+    #[must_use]
+    pub fn longest(&self) -> usize {
+        self.extent(u64::MAX).0
+    }
+
+    /// How long data with this presence vector are, if the table has all of its bits. \[bytes\]
+    #[must_use]
+    pub fn length_of(&self, vector: u64) -> Option<usize> {
+        let (length, has_unknown) = self.extent(vector);
+        (!has_unknown).then_some(length)
+    }
+
     /// The fields in `data`. What stands behind the known ones is ignored when the vector has bits
     /// that the table does not have.
     ///

@@ -8,7 +8,8 @@ pub const MAX_DATA: usize = 528;
 /// The longest frame.
 pub const MAX_FRAME: usize = WRAPPER + MAX_DATA + 4;
 
-const WRAPPER: usize = 16;
+/// What stands before the data. \[bytes\]
+pub(crate) const WRAPPER: usize = 16;
 /// "−1, not used": what a frame begins with. Edition 4 has 0 there.
 const SEQUENCE: [u8; 2] = [0xFF, 0xFF];
 const SEQUENCE_4: [u8; 2] = [0, 0];

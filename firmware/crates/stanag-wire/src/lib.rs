@@ -5,7 +5,8 @@
 //!
 //! *Design.* A message's data are a [`Layout`], the table of its fields' sizes: the presence vector says
 //! which of them are there, so it also says how long the data are. [`Frame::read`] believes nothing that
-//! it can check; [`Values`] and [`Builder`] read and write single fields. Numbers are big-endian.
+//! it can check; [`Values`] and [`Builder`] read and write single fields. [`Framer`] finds frames on a serial
+//! line, and believes more slowly: the sum is weak. Numbers are big-endian.
 //!
 //! ```
 //! use stanag_wire::{Builder, Frame, Header, Layout, NodeId, Sum};
@@ -47,12 +48,14 @@ extern crate std;
 
 mod fields;
 mod frame;
+mod framer;
 mod node_id;
 mod refusal;
 mod time_stamp;
 
 pub use fields::{Builder, Layout, Values};
 pub use frame::{Frame, Header, MAX_DATA, MAX_FRAME, Sum};
+pub use framer::{Framer, FramerCounters, Wanted};
 pub use node_id::NodeId;
 pub use refusal::Refusal;
 pub use time_stamp::TimeStamp;

@@ -44,10 +44,18 @@
 //! *Limits.* A PING inside the payload of an unwanted frame (a tunnel) is found. Positions are
 //! counted modulo 2^32.
 
+mod cell;
+mod long_ones;
+mod reader;
+mod ring;
+
 use core::marker::PhantomData;
 
 use timebase::{Stamp, StampedByte};
 
+use self::cell::{Candidate, Cell, Word, remainder};
+use self::long_ones::{LongOnes, Window};
+use self::ring::Ring;
 use crate::crc;
 use crate::frame::{Address, CRC_LEN, HEADER_V1, HEADER_V2, MAGIC_V1, MAGIC_V2, Version};
 use crate::kind::{Shape, Wanted, any_is_guarded, is_guarded, shapes};
@@ -63,9 +71,6 @@ const SIGNATURE_LEN: usize = 13;
 
 /// The longest frame that there can be, in bytes, with its signature.
 const LONGEST: usize = HEADER_V2 + u8::MAX as usize + CRC_LEN + SIGNATURE_LEN;
-
-/// Candidates with longer payloads than are known that are awaited at once.
-const LONG_ONES: usize = 3;
 
 /// Positions of the stream that have a cell: the reader of one frame after the other is no farther
 /// behind than that, and ends are noted ahead.
@@ -154,149 +159,6 @@ pub struct Framer<W, const PAYLOAD: usize = MAX_PAYLOAD, const ENDS: usize = 64>
     framed_bytes: u32,
     counters: FramingCounters,
     wanted: PhantomData<W>,
-}
-
-/// Candidates with longer payloads than are known, in no order.
-#[derive(Debug)]
-struct LongOnes {
-    windows: [Window; LONG_ONES],
-    count: usize,
-}
-
-/// A stretch of the stream.
-#[derive(Clone, Copy, Debug)]
-struct Window {
-    start: u32,
-    length: u16,
-}
-
-impl Window {
-    const fn end(self) -> u32 {
-        self.start.wrapping_add(self.length as u32)
-    }
-}
-
-impl LongOnes {
-    const NONE: Self = Self {
-        windows: [Window {
-            start: 0,
-            length: 0,
-        }; LONG_ONES],
-        count: 0,
-    };
-
-    /// Adds a window, if there is room.
-    fn push(&mut self, window: Window) {
-        if let Some(place) = self.windows.get_mut(self.count) {
-            *place = window;
-            self.count += 1;
-        }
-    }
-
-    /// Takes out one that ends at `now`.
-    fn pop(&mut self, now: u32) -> Option<Window> {
-        let some = self.windows.get(..self.count)?;
-        let place = some.iter().position(|window| window.end() == now)?;
-        let last = *some.last()?;
-        let window = core::mem::replace(self.windows.get_mut(place)?, last);
-        self.count -= 1;
-        Some(window)
-    }
-
-    /// The least distance from `now` to an end.
-    fn until_end(&self, now: u32) -> Option<u32> {
-        let some = self.windows.get(..self.count)?;
-        some.iter()
-            .map(|window| window.end().wrapping_sub(now))
-            .min()
-    }
-}
-
-/// What a reader of one frame after the other finds at a position.
-enum Claim {
-    /// No header, or one whose checksum is known to fail.
-    None,
-    /// A frame of this length, with its signature: intact, or of a kind that cannot be checked.
-    Stands(u32),
-    /// A frame that has not ended.
-    Open,
-}
-
-/// One position of the stream.
-#[derive(Clone, Copy, Debug)]
-struct Cell {
-    /// The stamp of the byte. Before it has come: the [`Candidate`] that ends there, if `word` has
-    /// [`Word::END`].
-    first: u32,
-    /// The byte and the running checksum before it. Before it has come: what is
-    /// to be done there.
-    word: Word,
-}
-
-/// A running checksum (bits 0 to 15), a byte (bits 16 to 23) and what is due (bits 24 to 31):
-/// packed, because all three are stored for every byte.
-#[derive(Clone, Copy, Debug)]
-struct Word(u32);
-
-impl Word {
-    /// A candidate ends at this byte.
-    const END: u32 = 1 << 24;
-    /// The header of a MAVLink 1 frame may be complete at this byte.
-    const HEADER_V1: u32 = 1 << 25;
-    /// The header of a MAVLink 2 frame may be complete at this byte.
-    const HEADER_V2: u32 = 1 << 26;
-    /// A frame whose checksum holds has begun at this byte, which has come.
-    const INTACT: u32 = 1 << 31;
-
-    const fn new(crc: u16, byte: u8) -> Self {
-        Self(crc as u32 | (byte as u32) << 16)
-    }
-
-    const fn crc(self) -> u16 {
-        self.0 as u16
-    }
-
-    const fn byte(self) -> u8 {
-        (self.0 >> 16) as u8
-    }
-
-    const fn is_due(self, what: u32) -> bool {
-        self.0 & what != 0
-    }
-}
-
-/// A window whose header is that of a wanted frame: the [`remainder`] that it needs at its last
-/// byte (bits 0 to 15), its length (bits 16 to 23), and whether it displaced another candidate with
-/// the same end (bit 24).
-#[derive(Clone, Copy, Debug)]
-struct Candidate(u32);
-
-impl Candidate {
-    const DISPLACED_ANOTHER: u32 = 1 << 24;
-
-    const fn length(self) -> u8 {
-        (self.0 >> 16) as u8
-    }
-
-    const fn remainder(self) -> u16 {
-        self.0 as u16
-    }
-
-    const fn displaced_another(self) -> bool {
-        self.0 & Self::DISPLACED_ANOTHER != 0
-    }
-
-    /// The only one with its end, and not intact: the common case in noise.
-    const fn is_alone_and_not(self, remainder: u16) -> bool {
-        !self.displaced_another() && self.remainder() != remainder
-    }
-}
-
-/// What is left of a stream at the end of a frame: the running checksum before the frame's own
-/// checksum, moved over one byte more, less the frame's own. `crc` is the running checksum between
-/// the two bytes of `own`.
-const fn remainder(crc: u16, own: [u8; 2]) -> u16 {
-    crc ^ crc::step(0, own[0]) ^ u16::from_le_bytes(own)
 }
 
 impl<W: Wanted, const PAYLOAD: usize, const ENDS: usize> Default for Framer<W, PAYLOAD, ENDS> {
@@ -520,60 +382,6 @@ impl<W: Wanted, const PAYLOAD: usize, const ENDS: usize> Framer<W, PAYLOAD, ENDS
         !is_claimed
     }
 
-    /// Goes on as a reader that takes one frame after the other, up to `to`, where it is decided
-    /// what it takes. Whether `to` is inside of what a header before it claims. Headers that begin
-    /// before `to` have to be complete.
-    #[inline(never)]
-    fn read_on(&mut self, to: u32) -> bool {
-        loop {
-            let left = to.wrapping_sub(self.read_to).cast_signed();
-            if left <= 0 {
-                return left < 0;
-            }
-            let (block, place) = (self.read_to / 32, self.read_to % 32);
-            let ahead = match self.starts.at(block) >> place {
-                0 => 32 - place,
-                starts => starts.trailing_zeros(),
-            };
-            if ahead >= left.unsigned_abs() {
-                self.read_to = to;
-                return false;
-            }
-            self.read_to = self.read_to.wrapping_add(ahead);
-            if place + ahead == 32 {
-                continue;
-            }
-            match self.claim(self.read_to) {
-                Claim::None => self.read_to = self.read_to.wrapping_add(1),
-                Claim::Stands(length) => self.read_to = self.read_to.wrapping_add(length),
-                // It ends behind the last byte, and so behind `to`.
-                Claim::Open => return true,
-            }
-        }
-    }
-
-    fn claim(&self, start: u32) -> Claim {
-        let first = self.cells.at(start).word;
-        let at = |nth: u32| self.byte(start.wrapping_add(nth));
-        let (header_len, is_signed) = match first.byte() {
-            MAGIC_V1 => (HEADER_V1, false),
-            // Frames with other flags have to be dropped, and who knows what their length means.
-            MAGIC_V2 if at(2) & !SIGNED == 0 => (HEADER_V2, at(2) == SIGNED),
-            _ => return Claim::None,
-        };
-        let length = (header_len + CRC_LEN) as u32 + u32::from(at(1));
-        let signature_len = if is_signed { SIGNATURE_LEN as u32 } else { 0 };
-        if first.is_due(Word::INTACT) || self.shape_at(start).is_none() {
-            return Claim::Stands(length + signature_len);
-        }
-        let end = start.wrapping_add(length);
-        if end.wrapping_sub(self.position).cast_signed() > 0 {
-            Claim::Open
-        } else {
-            Claim::None
-        }
-    }
-
     /// The shape of the complete header at `start`, if it is of a wanted kind with a length that this
     /// can have.
     fn shape_at(&self, start: u32) -> Option<Shape> {
@@ -688,8 +496,13 @@ impl<W: Wanted, const PAYLOAD: usize, const ENDS: usize> Framer<W, PAYLOAD, ENDS
     #[inline(never)]
     fn await_long_one(&mut self, start: u32, header_len: usize, len: u8) {
         let length = (header_len + CRC_LEN) as u16 + u16::from(len);
-        self.long_ones.push(Window { start, length });
-        self.note_event();
+        let window = Window { start, length };
+        if self.long_ones.push(window) {
+            // An event that is now is found anew behind this byte.
+            let [until_end, until_event] = [window.end().wrapping_sub(1), self.event]
+                .map(|position| position.wrapping_sub(self.position));
+            self.event = self.position.wrapping_add(until_end.min(until_event));
+        }
     }
 
     /// When the last byte arrived; `None` if nothing can have begun, because no byte has come
@@ -769,25 +582,5 @@ impl<W: Wanted, const PAYLOAD: usize, const ENDS: usize> Framer<W, PAYLOAD, ENDS
 
     const fn byte(&self, position: u32) -> u8 {
         self.cells.at(position).word.byte()
-    }
-}
-
-/// An array that is indexed by position in the stream.
-#[derive(Debug)]
-struct Ring<T, const RING: usize>([T; RING]);
-
-#[expect(
-    clippy::indexing_slicing,
-    reason = "a remainder by the length is below the length"
-)]
-impl<T, const RING: usize> Ring<T, RING> {
-    #[inline]
-    const fn at(&self, position: u32) -> &T {
-        &self.0[position as usize % RING]
-    }
-
-    #[inline]
-    const fn at_mut(&mut self, position: u32) -> &mut T {
-        &mut self.0[position as usize % RING]
     }
 }

@@ -3,7 +3,7 @@
 use mavlink_node::client::{Client, Message};
 use mavlink_node::{Address, Version};
 use timebase::{Stamp, StampedByte};
-use virtual_pixhawk::{Firmware, IMAGE_VARIABLE, ReceivedByte};
+use virtual_pixhawk::{Connector, Firmware, IMAGE_VARIABLE, Pixhawk, ReceivedByte};
 use world::{ReceiverSettings, Transmission, WorldNanos};
 
 pub(crate) const MS: u64 = 1_000_000;
@@ -74,4 +74,46 @@ pub(crate) fn ping_answers(received: &[ReceivedByte]) -> Vec<(u32, u64)> {
             _ => None,
         })
         .collect()
+}
+
+/// Bytes that are written as hexadecimal digits.
+pub(crate) fn from_hex(hex: &str) -> Vec<u8> {
+    let digits: Vec<u8> = hex.chars().map(|c| c.to_digit(16).unwrap() as u8).collect();
+    digits.chunks(2).map(|two| two[0] << 4 | two[1]).collect()
+}
+
+/// The last status line of the log.
+pub(crate) fn last_status(board: &mut Pixhawk) -> String {
+    let log = board.take_log().unwrap();
+    let lines = log.into_iter().map(|logged| logged.line.text);
+    lines
+        .filter(|text| text.starts_with("status "))
+        .last()
+        .unwrap()
+}
+
+/// By this status line no tick, no byte of either line, no mark and no line of the log was lost.
+#[track_caller]
+pub(crate) fn assert_nothing_lost(status: &str, what: &str) {
+    assert!(status.contains(" lost_ticks=0"), "{what}");
+    for key in [
+        "mav_overrun",
+        "gps_overrun",
+        "gps_truncated",
+        "mav_incoming_full",
+        "gps_incoming_full",
+        "mav_outgoing_full",
+        "log_dropped",
+    ] {
+        assert!(!status.contains(&format!(" {key}=")), "{key}: {what}");
+    }
+}
+
+/// PINGs with these numbers, and no others, were answered on TELEM1, each once and in turn.
+#[track_caller]
+pub(crate) fn assert_all_answered(board: &mut Pixhawk, asked: &[u32], what: &str) {
+    let answers = ping_answers(&board.take_received(Connector::Telem1).unwrap());
+    let answered: Vec<u32> = answers.iter().map(|&(seq, _)| seq).collect();
+    assert_eq!(answered.len(), asked.len(), "{what}");
+    assert_eq!(answered, asked, "{what}");
 }

@@ -5,7 +5,10 @@ use mavlink_node::Version;
 use virtual_pixhawk::{Builder, Connector, Firmware, Script};
 use world::{Receiver, ReceiverSettings, Transmission, WorldNanos};
 
-use crate::common::{BAUD, MS, SECOND, START_UTC_NS, image, ping_answers, pings};
+use crate::common::{
+    BAUD, MS, SECOND, START_UTC_NS, assert_all_answered, assert_nothing_lost, from_hex, image,
+    last_status, pings,
+};
 
 /// What clients send, and what is broken, unknown or for others: after these each counter of the MAVLink
 /// line stands in the status line.
@@ -45,16 +48,11 @@ const VISIT_AT: WorldNanos = WorldNanos(5 * SECOND);
 const FLOOD_AT: WorldNanos = WorldNanos(12 * SECOND);
 const FLOOD_S: u64 = 60;
 
-fn bytes(hex: &str) -> Vec<u8> {
-    let digits: Vec<u8> = hex.chars().map(|c| c.to_digit(16).unwrap() as u8).collect();
-    digits.chunks(2).map(|two| two[0] << 4 | two[1]).collect()
-}
-
 /// The requests of a run: the visit, and `rate` PINGs a second.
 fn requests(version: Version, rate: u64) -> Vec<Transmission> {
     let visit = VISIT.iter().zip(0..).map(|(hex, n)| Transmission {
         start: VISIT_AT.plus(n * 100 * MS),
-        bytes: bytes(hex),
+        bytes: from_hex(hex),
         baud: BAUD,
     });
     let at = (0..FLOOD_S * rate).map(|n| FLOOD_AT.plus(n * SECOND / rate));
@@ -75,32 +73,14 @@ fn nothing_is_lost(firmware: &Firmware, version: Version, rate: u64, phases: [i6
         // The visit's PING has its answer.
         board.take_received(Connector::Telem1).unwrap();
         board.run_to(FLOOD_AT.plus((FLOOD_S + 2) * SECOND)).unwrap();
-        let log = board.take_log().unwrap();
-        let last = log
-            .iter()
-            .rfind(|logged| logged.line.text.starts_with("status "));
-        let last = &last.unwrap().line.text;
-        let what = format!("{version:?} at {rate} Hz, phase {phase}: {last}");
+        let status = last_status(&mut board);
+        let what = format!("{version:?} at {rate} Hz, phase {phase}: {status}");
         for key in SPEAKING {
-            assert!(last.contains(&format!(" {key}=")), "{key}: {what}");
+            assert!(status.contains(&format!(" {key}=")), "{key}: {what}");
         }
-        assert!(last.contains(" lost_ticks=0"), "{what}");
-        for key in [
-            "mav_overrun",
-            "gps_overrun",
-            "gps_truncated",
-            "mav_incoming_full",
-            "gps_incoming_full",
-            "mav_outgoing_full",
-            "log_dropped",
-        ] {
-            assert!(!last.contains(&format!(" {key}=")), "{key}: {what}");
-        }
-        let answers = ping_answers(&board.take_received(Connector::Telem1).unwrap());
-        let answered: Vec<u32> = answers.iter().map(|&(seq, _)| seq).collect();
+        assert_nothing_lost(&status, &what);
         let asked: Vec<u32> = (0..(FLOOD_S * rate) as u32).collect();
-        assert_eq!(answered.len(), asked.len(), "{what}");
-        assert_eq!(answered, asked, "{what}");
+        assert_all_answered(&mut board, &asked, &what);
     }
 }
 

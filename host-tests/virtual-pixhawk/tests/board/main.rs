@@ -30,4 +30,7 @@ mod pulse;
 mod steering;
 #[cfg(test)]
 mod ticks;
+#[cfg(test)]
+mod traffic;
+#[cfg(test)]
 mod visible;

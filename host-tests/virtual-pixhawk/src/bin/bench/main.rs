@@ -61,14 +61,12 @@ fn main() -> anyhow::Result<ExitCode> {
         60.0,
         "crate ublox 454",
     ));
-    let mavlink = noise::worst(
+    rows.push(noise::worst(
         "any byte on the MAVLink line, beyond its interrupt",
         &mavlink_noise,
         100.0,
         "crate mavlink 1550, C library 70",
-    );
-    // Headers of frames that are longer than is known cost most.
-    rows.push(mavlink.for_now(120.0));
+    ));
     rows.push(jobs::load(&subject)?);
     let (waits, sections) = waits::all(&subject)?;
     rows.extend(waits);

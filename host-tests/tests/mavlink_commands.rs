@@ -9,7 +9,9 @@ mod mavlink_line;
 use mavlink_frames::Frame;
 use mavlink_line::{Board, GROUND, TIME, US, ask, feed, node, parsed};
 use mavlink_node::client::{Client, Message};
-use mavlink_node::{Command, Described, Fix, Node, Order, Refusal, RequestKind, Test, Version};
+use mavlink_node::{
+    Command, Config, Described, Fix, Node, Order, Refusal, RequestKind, Test, Version,
+};
 
 const OURS: [u8; 2] = [1, 1];
 
@@ -144,6 +146,7 @@ fn commands_to_others_and_to_all_are_ignored() {
 
 #[test]
 fn versions_are_sent_to_who_asks() {
+    const UNIQUE: [u8; 12] = *b"a chip's own";
     // REQUEST_MESSAGE of both, and the older commands.
     for (number, param1, what) in [
         (512, 148.0, Described::Autopilot),
@@ -152,7 +155,10 @@ fn versions_are_sent_to_who_asks() {
         (519, 1.0, Described::Protocol),
     ] {
         for (long, v2) in [(true, false), (true, true), (false, false), (false, true)] {
-            let mut node = node();
+            let mut node = Node::new(Config {
+                unique_id: UNIQUE,
+                ..Config::default()
+            });
             let request = ask(&mut node, &command(long, v2, number, param1).bytes());
             let meaning = Ok(Order::Describe(what));
             assert_eq!(
@@ -169,11 +175,14 @@ fn versions_are_sent_to_who_asks() {
             let expected = match what {
                 Described::Autopilot => {
                     // u64 capabilities: COMMAND_INT, PARAM_ENCODE_C_CAST, MAVLINK2; u64 uid; u32
-                    // release 0.1.0 of type dev; the rest is 0.
+                    // release 0.1.0 of type dev; [u8; 18] uid2; the rest is 0.
                     let mut payload = (8_u64 + 131_072 + 8_192).to_le_bytes().to_vec();
-                    payload.extend([0; 8]);
+                    payload.extend(&UNIQUE[..8]);
                     payload.extend([0, 0, 1, 0]);
-                    payload.resize(if v2 { 78 } else { 60 }, 0);
+                    payload.resize(60, 0);
+                    if v2 {
+                        payload.extend(UNIQUE);
+                    }
                     Frame::message(v2, 148, 178, payload)
                 }
                 // MAVLink 1.0 to 2.0.

@@ -14,5 +14,5 @@ mod crystal;
 
 pub use this::{
     HAS_CARD_SLOT, HAS_CONSTANT_CLOCKS, NAME, SAMPLE_ROOM, WITNESS_PRESCALER, WITNESS_RATIO,
-    clocks, read_pair, take_crystal_failure, take_over, witness_khz,
+    clocks, read_pair, take_crystal_failure, take_over, unique_id, witness_khz,
 };

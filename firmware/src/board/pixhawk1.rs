@@ -164,3 +164,10 @@ pub fn witness_khz() -> u32 {
         _ => core_khz,
     }
 }
+
+/// The number that no other chip has, in the order of its bytes (RM0090, 39.1).
+pub fn unique_id() -> [u8; 12] {
+    const ADDRESS: *const [u8; 12] = 0x1FFF_7A10 as *const _;
+    // SAFETY: system memory, which every chip of this kind has there and nothing writes.
+    unsafe { ADDRESS.read_volatile() }
+}

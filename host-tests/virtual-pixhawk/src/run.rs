@@ -11,11 +11,13 @@
 //! *Limits.* A run cannot be taken back. A reset of the part starts the application
 //! through the stand-in for the bootloader again.
 
+use std::path::Path;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
 use anyhow::{Context as _, anyhow};
 use rigless::emulator::{self, Start};
+use rigless::image::Image;
 use rigless::session::Session;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
@@ -36,6 +38,9 @@ use crate::wire::{ReceivedByte, Wire};
 /// The variable that says how many cycles an instruction takes on a board whose builder has no setting
 /// else, 1 without it; `cargo xtask board-test` plays its tests by it.
 pub const PACE_VARIABLE: &str = "PIXCLOCK_CYCLES_PER_INSTRUCTION";
+
+/// Where the chip has its unique number (RM0090, 39.1).
+const UNIQUE_ID: u64 = 0x1FFF_7A10;
 
 /// One of the board's connectors with a serial line on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,6 +64,7 @@ impl Connector {
 pub struct Builder {
     firmware: Firmware,
     bootloader: Bootloader,
+    unique_id: [u8; 12],
     crystal_ppb: i32,
     pace: CyclesPerInstruction,
     gps: Box<dyn Talker + Send>,
@@ -90,6 +96,7 @@ impl Builder {
         Self {
             firmware,
             bootloader: Bootloader::default(),
+            unique_id: *b"virtual chip",
             crystal_ppb: 0,
             pace: std::env::var(PACE_VARIABLE).map_or(CyclesPerInstruction::ONE, |pace| {
                 pace.parse().expect("the variable of the core's pace")
@@ -105,6 +112,13 @@ impl Builder {
     #[must_use]
     pub const fn bootloader(mut self, bootloader: Bootloader) -> Self {
         self.bootloader = bootloader;
+        self
+    }
+
+    /// Gives the chip another number than all others have.
+    #[must_use]
+    pub const fn unique_id(mut self, unique_id: [u8; 12]) -> Self {
+        self.unique_id = unique_id;
         self
     }
 
@@ -167,6 +181,7 @@ impl Builder {
         let Self {
             firmware,
             bootloader,
+            unique_id,
             crystal_ppb,
             pace,
             gps,
@@ -189,7 +204,11 @@ impl Builder {
             meter.clone(),
             probe.clone(),
         )?;
-        let images = firmware.flash(bootloader)?;
+        let number = Path::new("the chip's unique number");
+        let number = Image::new(number, unique_id.to_vec(), Some(UNIQUE_ID))?;
+        let images: Vec<_> = (firmware.flash(bootloader)?.into_iter())
+            .chain([number])
+            .collect();
         let session = Session::new(Box::new(board), 0, VirtualNanos(0))?;
         let (orders, inbox) = sync_channel(0);
         let operator = Operator::new(inbox, log);

@@ -54,15 +54,18 @@ pub struct Config {
     pub component_id: u8,
     /// What the answer to a PING carries.
     pub ping_reply: PingReply,
+    /// The chip's unique number, in the order of its bytes; zeros where there is none.
+    pub unique_id: [u8; 12],
 }
 
 impl Default for Config {
-    /// System 1, component 1, answers with the node's time.
+    /// System 1, component 1, answers with the node's time, no unique number.
     fn default() -> Self {
         Self {
             system_id: 1,
             component_id: 1,
             ping_reply: PingReply::RtosTime,
+            unique_id: [0; 12],
         }
     }
 }
@@ -147,7 +150,7 @@ impl Node {
             version: Version::V1,
             parameters: PendingParameters::NONE,
             log: LogTransfer::NONE,
-            replies: PendingReplies::NONE,
+            replies: PendingReplies::new(config.unique_id),
             counters: Counters {
                 pings: 0,
                 timesyncs: 0,

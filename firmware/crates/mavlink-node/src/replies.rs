@@ -159,6 +159,7 @@ impl Home {
 /// What still has to be answered.
 #[derive(Debug)]
 pub(crate) struct PendingReplies {
+    unique_id: [u8; 12],
     autopilot: Option<Version>,
     protocol: bool,
     home_asked: Option<Version>,
@@ -170,18 +171,23 @@ pub(crate) struct PendingReplies {
 }
 
 impl PendingReplies {
-    pub(crate) const NONE: Self = Self {
-        autopilot: None,
-        protocol: false,
-        home_asked: None,
-        home: None,
-        parameter: None,
-        mission: None,
-        file: None,
-    };
+    /// There is nothing to answer.
+    pub(crate) const fn new(unique_id: [u8; 12]) -> Self {
+        Self {
+            unique_id,
+            autopilot: None,
+            protocol: false,
+            home_asked: None,
+            home: None,
+            parameter: None,
+            mission: None,
+            file: None,
+        }
+    }
 
     pub(crate) const fn is_none(&self) -> bool {
         let Self {
+            unique_id: _,
             autopilot: None,
             protocol: false,
             home_asked: None,
@@ -230,7 +236,7 @@ impl PendingReplies {
                 AUTOPILOT_VERSION_DATA::ID,
                 AUTOPILOT_VERSION_DATA::EXTRA_CRC,
             );
-            return Some(sender.bytes(version, kind, &autopilot_version(), 60));
+            return Some(sender.bytes(version, kind, &autopilot_version(&self.unique_id), 60));
         }
         if core::mem::take(&mut self.protocol) {
             return Some(protocol_version(sender));
@@ -261,18 +267,25 @@ impl MissionAsked {
     }
 }
 
-/// AUTOPILOT_VERSION: u64 capabilities, u64 uid, u32 release. The rest is not known here, which is 0.
-fn autopilot_version() -> [u8; 20] {
+/// AUTOPILOT_VERSION: u64 capabilities, u64 uid, u32 release; extension at 60: uid2. The rest is not known
+/// here, which is 0. All of the unique number is in uid2, its beginning in uid.
+fn autopilot_version(unique_id: &[u8; 12]) -> [u8; 72] {
     const CAPABILITIES: u64 = MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_COMMAND_INT
         .union(MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST)
         .union(MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MAVLINK2)
         .bits();
-    let mut payload = [0; 20];
+    let [c0, c1, c2, c3, c4, c5, c6, c7] = CAPABILITIES.to_le_bytes();
+    let [r0, r1, r2, r3] = RELEASE.to_le_bytes();
+    let [u0, u1, u2, u3, u4, u5, u6, u7, ..] = *unique_id;
+    let known = [
+        c0, c1, c2, c3, c4, c5, c6, c7, u0, u1, u2, u3, u4, u5, u6, u7, r0, r1, r2, r3,
+    ];
+    let mut payload = [0; 72];
     if let Some(place) = payload.first_chunk_mut() {
-        *place = CAPABILITIES.to_le_bytes();
+        *place = known;
     }
     if let Some(place) = payload.last_chunk_mut() {
-        *place = RELEASE.to_le_bytes();
+        *place = *unique_id;
     }
     payload
 }

@@ -15,6 +15,7 @@ use fault_record::Hang;
 use mavlink_node::{Config, Node, PingReply};
 use sample_log::BeginGuard;
 
+use crate::board;
 use crate::drivers::time;
 use crate::drivers::uart::{Reader, Writer};
 use crate::reports::{MAVLINK, MavlinkReport};
@@ -43,6 +44,7 @@ pub async fn run(line: (Reader, Writer)) {
         } else {
             PingReply::RtosTime
         },
+        unique_id: board::unique_id(),
     });
     let mut guard = BeginGuard::new();
     let mut beat = Ticker::every(Duration::from_secs(1));

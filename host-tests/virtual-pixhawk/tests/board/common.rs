@@ -85,11 +85,10 @@ pub(crate) fn from_hex(hex: &str) -> Vec<u8> {
 /// The last status line of the log.
 pub(crate) fn last_status(board: &mut Pixhawk) -> String {
     let log = board.take_log().unwrap();
-    let lines = log.into_iter().map(|logged| logged.line.text);
-    lines
-        .filter(|text| text.starts_with("status "))
-        .last()
-        .unwrap()
+    let last = log
+        .into_iter()
+        .rfind(|logged| logged.line.text.starts_with("status "));
+    last.unwrap().line.text
 }
 
 /// By this status line no tick, no byte of either line, no mark and no line of the log was lost.

@@ -1,7 +1,7 @@
 //! What MAVProxy sends, as it was recorded, with PINGs in every gap: nothing is lost.
 //!
-//! *Design.* `mavproxy.txt` has ten minutes of `host-tests/clients/record.py`: in each the parameters
-//! twice, a list of logs, a log, two PINGs of MAVProxy's own. A longer recording is played when
+//! *Design.* `mavproxy.txt` has ten minutes of `host-tests/clients/record.py`: in each all
+//! parameters, the list of logs, a log, and two of MAVProxy's own pings, which are TIMESYNCs. A longer recording is played when
 //! [`RECORDING_VARIABLE`] names it.
 
 use mavlink_node::Version;

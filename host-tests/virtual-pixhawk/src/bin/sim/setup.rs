@@ -61,7 +61,10 @@ impl<'a> Setup<'a> {
             Some(recording) => firmware.for_recording(recording, self.options.shared.floor)?,
             None => firmware,
         };
+        let mut unique_id = *b"virtual chip";
+        unique_id[11] = system_id(index);
         let builder = Builder::new(firmware)
+            .unique_id(unique_id)
             .crystal_ppb(crystal_ppb(index))
             .telem1(line);
         let builder = match &self.recording {

@@ -27,7 +27,7 @@ pub fn node_time_and_reading_at(when: Cycles) -> (NodeTime, Reading) {
     let when = moment(when);
     let reading = read(when);
     let time = NodeTime {
-        boot_us: when.as_micros(),
+        boot: when,
         utc_ns: (reading.state != ClockState::Unset).then_some(reading.utc.0),
     };
     (time, reading)

@@ -216,7 +216,7 @@ impl<'a> Board<'a> {
             .saturating_sub(Duration::from_nanos(request.arrival.as_nanos()));
         let now = self.time();
         let at_arrival = NodeTime {
-            boot_us: request.arrival.as_micros(),
+            boot: request.arrival,
             utc_ns: now.utc_ns.map(|ns| ns - since_arrival.as_nanos() as i64),
         };
         self.held.act(request, at_arrival);
@@ -252,7 +252,7 @@ impl<'a> Board<'a> {
             Clock::HostPlus(_) | Clock::Unset => None,
         };
         NodeTime {
-            boot_us: since_boot.as_micros() as u64,
+            boot: Cycles::from_micros(since_boot.as_micros() as u64),
             utc_ns,
         }
     }

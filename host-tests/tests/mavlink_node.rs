@@ -27,7 +27,7 @@ const UTC_US: u64 = 1_795_320_000_123_456;
 
 /// The same moment on a board whose clock was never set.
 const UNSET: NodeTime = NodeTime {
-    boot_us: 90_000_001,
+    boot: Cycles::from_micros(90_000_001),
     utc_ns: None,
 };
 
@@ -156,7 +156,7 @@ fn ping_is_answered_with_the_time_of_its_arrival() {
     for v2 in [false, true] {
         let mut node = node();
         let request = ask(&mut node, &Frame::ping(v2, 77, 0).bytes());
-        for (time, time_usec) in [(TIME, UTC_US), (UNSET, UNSET.boot_us)] {
+        for (time, time_usec) in [(TIME, UTC_US), (UNSET, UNSET.boot_us())] {
             let mut payload = time_usec.to_le_bytes().to_vec();
             payload.extend(77_u32.to_le_bytes());
             payload.extend([255, 190]);
@@ -217,7 +217,7 @@ fn timesync_keeps_ts1_and_tells_our_time() {
                 (UNSET, 90_000_001_000),
                 (
                     NodeTime {
-                        boot_us: 0,
+                        boot: Cycles(0),
                         utc_ns: None,
                     },
                     1,
@@ -398,6 +398,7 @@ fn gps_raw_int_has_the_fix_in_its_units() {
             satellites: 17,
             horizontal_accuracy_mm: 1_200,
             vertical_accuracy_mm: 2_300,
+            ..Fix::default()
         };
         let mut payload = UTC_US.to_le_bytes().to_vec();
         payload.extend(473_977_420_i32.to_le_bytes());
@@ -469,7 +470,7 @@ proptest! {
         time_usec: u64,
         seq: u32,
         utc_ns in prop::option::of(0..i64::MAX),
-        boot_us in 0..u64::MAX / 1_000,
+        boot_us in 0..u64::MAX / 1_000_000,
         v2: bool,
     ) {
         let version = if v2 { Version::V2 } else { Version::V1 };
@@ -478,7 +479,7 @@ proptest! {
         let request = ask(&mut node, &client.ping(time_usec, seq));
         prop_assert_eq!(request.kind, RequestKind::Ping { time_usec, seq });
         prop_assert_eq!(request.from, GROUND);
-        let time = NodeTime { boot_us, utc_ns };
+        let time = NodeTime { boot: Cycles::from_micros(boot_us), utc_ns };
         let us = utc_ns.map_or(boot_us, |ns| (ns / 1_000) as u64);
         prop_assert_eq!(
             parsed(&node.answer(&request, time)),
@@ -497,7 +498,7 @@ proptest! {
     #[test]
     fn no_bytes_make_a_node_panic(stream: Vec<u8>, times: (u64, Option<i64>)) {
         let mut node = node();
-        let time = NodeTime { boot_us: times.0, utc_ns: times.1 };
+        let time = NodeTime { boot: Cycles(times.0), utc_ns: times.1 };
         for request in feed(&mut node, 0, &stream) {
             prop_assert!(!node.answer(&request, time).is_empty());
         }

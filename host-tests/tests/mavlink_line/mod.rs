@@ -26,7 +26,7 @@ pub const US: Address = Address {
 
 /// 2026-11-22 04:00:00.123456789 UTC, 90 s after boot.
 pub const TIME: NodeTime = NodeTime {
-    boot_us: 90_000_001,
+    boot: Cycles::from_micros(90_000_001),
     utc_ns: Some(1_795_320_000_123_456_789),
 };
 

@@ -166,10 +166,12 @@ fn nav_pvt(frame: &Found<'_>) -> Event {
             satellites: p[23],
             longitude_1e7_deg: four(24).cast_signed(),
             latitude_1e7_deg: four(28).cast_signed(),
+            height_ellipsoid_mm: four(32).cast_signed(),
             height_msl_mm: four(36).cast_signed(),
             horizontal_accuracy_mm: four(40),
             vertical_accuracy_mm: four(44),
             ground_speed_mm_s: four(60).cast_signed(),
+            velocity_mm_s: [48, 52, 56].map(|at| four(at).cast_signed()),
             heading_1e5_deg: four(64).cast_signed(),
         },
     }

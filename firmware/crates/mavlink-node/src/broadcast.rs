@@ -14,12 +14,12 @@ use mavlink::dialects::common::{
     GPS_RAW_INT_DATA, GpsFixType, HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState, MavType,
     STATUSTEXT_DATA, SYSTEM_TIME_DATA,
 };
+use node_values::{NodeTime, Severity};
 use timebase::Fix;
 
 use crate::frame::Frame;
 use crate::node::Node;
-use crate::node_time::NodeTime;
-use crate::severity::Severity;
+use crate::severity::mav_severity;
 
 /// A GPS_RAW_INT in which nothing is known (`common.xml`).
 const UNKNOWN: GPS_RAW_INT_DATA = GPS_RAW_INT_DATA {
@@ -99,7 +99,7 @@ impl Node {
     /// STATUSTEXT: the first 50 bytes of `text`.
     pub fn statustext(&mut self, severity: Severity, text: &str) -> Frame {
         let statustext = STATUSTEXT_DATA {
-            severity: severity.into(),
+            severity: mav_severity(severity),
             text: text.into(),
             ..STATUSTEXT_DATA::DEFAULT
         };

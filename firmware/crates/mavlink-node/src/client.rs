@@ -16,6 +16,7 @@ use mavlink::dialects::common::{
     LOG_REQUEST_LIST_DATA, MavCmd, NAMED_VALUE_FLOAT_DATA, PARAM_REQUEST_LIST_DATA,
     PARAM_REQUEST_READ_DATA, PARAM_VALUE_DATA, STATUSTEXT_DATA, SYSTEM_TIME_DATA, TIMESYNC_DATA,
 };
+use node_values::{Name, Parameter, Text};
 use sample_log::Test;
 use timebase::StampedByte;
 
@@ -24,7 +25,6 @@ use crate::frame::{Address, Frame, Sender, Version};
 use crate::framer::{Delimited, Framer, FramingCounters};
 use crate::kind::{Kind, Wanted};
 use crate::log_transfer::{LOG_DATA_LEN, LOG_ID};
-use crate::parameter::{Name, Parameter, Text};
 use crate::ping::Ping;
 
 /// A message of a node.

@@ -34,7 +34,7 @@
 //! // The caller reads its clock at the arrival of the first byte, not now.
 //! assert_eq!(request.arrival, arrival(0));
 //! let time = NodeTime {
-//!     boot_us: request.arrival.as_micros(),
+//!     boot: request.arrival,
 //!     utc_ns: Some(1_795_320_000_123_456_789),
 //! };
 //!
@@ -58,13 +58,11 @@ mod broadcast;
 pub mod client;
 mod command;
 mod crc;
-mod difference;
 mod frame;
 pub mod framer;
 mod kind;
 mod log_transfer;
 pub mod node;
-mod node_time;
 mod parameter;
 mod ping;
 mod plotted;
@@ -74,17 +72,14 @@ mod severity;
 mod wanted;
 
 pub use command::{Command, Order, Refusal};
-pub use difference::difference;
 pub use frame::{Address, Frame, Version};
 pub use kind::{Kind, Wanted};
 pub use log_transfer::{LOG_DATA_LEN, LogFile};
 pub use node::{Config, Counters, Node, PingReply};
-pub use node_time::NodeTime;
-pub use parameter::{Name, Parameter, Parameters, Text};
+pub use node_values::{Name, NodeTime, Parameter, Parameters, Severity, Text, difference};
 pub use plotted::Plotted;
 pub use replies::Described;
 pub use request::{Request, RequestKind};
 pub use sample_log::Test;
-pub use severity::Severity;
 pub use timebase::Fix;
 pub use wanted::Requests;

@@ -30,6 +30,7 @@ use mavlink::dialects::common::{
     LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, MISSION_REQUEST_LIST_DATA,
     PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, TIMESYNC_DATA,
 };
+use node_values::{Name, NodeTime, Parameter, Parameters, Severity};
 use sample_log::Test;
 use timebase::{CORE_HZ, Cycles, StampedByte};
 
@@ -37,12 +38,10 @@ use crate::command::{Command, Order, Refusal};
 use crate::frame::{Address, Frame, Sender, Version};
 use crate::framer::{Delimited, Framer, FramingCounters};
 use crate::log_transfer::{LOG_ID, LogFile, LogTransfer};
-use crate::node_time::NodeTime;
-use crate::parameter::{Name, Parameter, Parameters, PendingParameters};
+use crate::parameter::PendingParameters;
 use crate::ping::Ping;
 use crate::replies::{FailedParameter, FileAsked, MissionAsked, ParameterError, PendingReplies};
 use crate::request::{Request, RequestKind};
-use crate::severity::Severity;
 use crate::wanted::{Requests, target_at};
 
 /// How a node behaves.

@@ -10,10 +10,10 @@
 
 use mavlink::MessageData;
 use mavlink::dialects::common::NAMED_VALUE_FLOAT_DATA;
+use node_values::NodeTime;
 
 use crate::frame::Frame;
 use crate::node::Node;
-use crate::node_time::NodeTime;
 
 /// A value of the clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -16,10 +16,10 @@ use mavlink::dialects::common::{
     MavParamError, MavProtocolCapability, PARAM_ERROR_DATA,
 };
 
+use node_values::Name;
 use timebase::Fix;
 
 use crate::frame::{Address, Frame, Sender, Version};
-use crate::parameter::Name;
 
 /// The id of PROTOCOL_VERSION and its CRC_EXTRA: as it is deprecated, its type in `mavlink` is not used.
 pub(crate) const PROTOCOL_VERSION: u32 = 300;

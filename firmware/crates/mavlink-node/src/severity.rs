@@ -1,27 +1,14 @@
-//! How much a text matters.
+//! How much a STATUSTEXT matters.
 
 use mavlink::dialects::common::MavSeverity;
+use node_values::Severity;
 
-/// The severity of a STATUSTEXT (MAV_SEVERITY, RFC 5424).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Severity {
-    /// Something failed.
-    Error,
-    /// Something may fail.
-    Warning,
-    /// Unusual, but no fault.
-    Notice,
-    /// Ordinary operation.
-    Info,
-}
-
-impl From<Severity> for MavSeverity {
-    fn from(severity: Severity) -> Self {
-        match severity {
-            Severity::Error => Self::MAV_SEVERITY_ERROR,
-            Severity::Warning => Self::MAV_SEVERITY_WARNING,
-            Severity::Notice => Self::MAV_SEVERITY_NOTICE,
-            Severity::Info => Self::MAV_SEVERITY_INFO,
-        }
+/// The severity as MAVLink has it (MAV_SEVERITY).
+pub(crate) const fn mav_severity(severity: Severity) -> MavSeverity {
+    match severity {
+        Severity::Error => MavSeverity::MAV_SEVERITY_ERROR,
+        Severity::Warning => MavSeverity::MAV_SEVERITY_WARNING,
+        Severity::Notice => MavSeverity::MAV_SEVERITY_NOTICE,
+        Severity::Info => MavSeverity::MAV_SEVERITY_INFO,
     }
 }

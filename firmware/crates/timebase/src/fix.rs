@@ -17,6 +17,8 @@ pub struct Fix {
     pub latitude_1e7_deg: i32,
     /// `lon`, in 10⁻⁷ degrees.
     pub longitude_1e7_deg: i32,
+    /// `height`: height above the ellipsoid, in mm.
+    pub height_ellipsoid_mm: i32,
     /// `hMSL`: height above mean sea level, in mm.
     pub height_msl_mm: i32,
     /// `hAcc`: horizontal accuracy, in mm.
@@ -25,6 +27,8 @@ pub struct Fix {
     pub vertical_accuracy_mm: u32,
     /// `gSpeed`: speed over ground, in mm/s.
     pub ground_speed_mm_s: i32,
+    /// `velN`, `velE`, `velD`: velocity north, east and down, in mm/s.
+    pub velocity_mm_s: [i32; 3],
     /// `headMot`: heading of motion, in 10⁻⁵ degrees.
     pub heading_1e5_deg: i32,
 }

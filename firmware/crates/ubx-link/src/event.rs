@@ -83,6 +83,16 @@ const GNSS_FIX_OK: u8 = 0x01;
 /// `confirmedTime` in the field `flags2`.
 const CONFIRMED_TIME: u8 = 0x80;
 
+/// Where a NAV-PVT has `height`, and `velN`, `velE`, `velD`, in bytes: `ublox` gives them as floats.
+const HEIGHT_AT: usize = 32;
+const VELOCITY_AT: [usize; 3] = [48, 52, 56];
+
+/// The I4 at `at`; 0 where there is none.
+fn four_bytes(payload: &[u8], at: usize) -> i32 {
+    let bytes = payload.get(at..).and_then(<[u8]>::first_chunk);
+    i32::from_le_bytes(bytes.copied().unwrap_or_default())
+}
+
 /// The payload of a frame, of `LENGTH` bytes.
 fn payload<const LENGTH: usize>(frame: &[u8]) -> Option<&[u8; LENGTH]> {
     frame.get(HEADER_LEN..)?.first_chunk()
@@ -128,10 +138,12 @@ pub(crate) fn parse(kind: Kind, frame: &[u8], arrival: Cycles, busy_us: u32) -> 
                     satellites: pvt.num_satellites(),
                     latitude_1e7_deg: pvt.latitude_raw(),
                     longitude_1e7_deg: pvt.longitude_raw(),
+                    height_ellipsoid_mm: four_bytes(payload, HEIGHT_AT),
                     height_msl_mm: pvt.height_msl_raw(),
                     horizontal_accuracy_mm: pvt.horizontal_accuracy_raw(),
                     vertical_accuracy_mm: pvt.vertical_accuracy_raw(),
                     ground_speed_mm_s: pvt.ground_speed_2d_raw(),
+                    velocity_mm_s: VELOCITY_AT.map(|at| four_bytes(payload, at)),
                     heading_1e5_deg: pvt.heading_motion_raw(),
                 },
             })

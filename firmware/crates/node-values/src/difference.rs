@@ -5,7 +5,7 @@
 
 use timebase::divide;
 
-use crate::parameter::Text;
+use crate::text::Text;
 
 /// `ns` as a person compares it, as in `+3.26 ms`.
 #[must_use]

@@ -1,0 +1,71 @@
+//! The read-only parameters of a node: their names, for both ends of a line, and where the values are.
+//!
+//! *Limits.* Each value is a whole number below 2^24, which a REAL32 holds exactly.
+
+use crate::text::Name;
+
+/// A parameter of a node. Its index is its place here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Parameter {
+    /// How the image was built: 0 pixclock, 1 the paper's default, 2 its step I, 3 its step II.
+    Variant,
+    /// From one tick to the next, in µs.
+    TickUs,
+    /// The rate of the receiver's line, in baud.
+    GpsBaud,
+    /// What steers the clock now: 0 nothing, 1 the message, 2 the pulse.
+    Source,
+    /// Samples in the log now.
+    LogLen,
+    /// Samples that found the log full since it was cleared.
+    LogMissed,
+    /// Why the run before ended: 0 without a fault, otherwise the number that a stopped board's LED flashes.
+    Fault,
+}
+
+impl Parameter {
+    /// All of them, in the order of their indices.
+    pub const ALL: [Self; 7] = [
+        Self::Variant,
+        Self::TickUs,
+        Self::GpsBaud,
+        Self::Source,
+        Self::LogLen,
+        Self::LogMissed,
+        Self::Fault,
+    ];
+
+    /// Its name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Variant => "PC_VARIANT",
+            Self::TickUs => "PC_TICK_US",
+            Self::GpsBaud => "PC_GPS_BAUD",
+            Self::Source => "PC_SOURCE",
+            Self::LogLen => "PC_LOG_LEN",
+            Self::LogMissed => "PC_LOG_MISSED",
+            Self::Fault => "PC_FAULT",
+        }
+    }
+
+    /// Its index.
+    #[must_use]
+    pub const fn index(self) -> u16 {
+        self as u16
+    }
+
+    /// The parameter of that name.
+    #[must_use]
+    pub fn named(name: Name) -> Option<Self> {
+        Self::ALL
+            .into_iter()
+            .find(|parameter| Name::from(parameter.name()) == name)
+    }
+}
+
+/// Where a node finds the values of its parameters.
+pub trait Parameters {
+    /// The value of a parameter.
+    fn parameter(&self, parameter: Parameter) -> f32;
+}

@@ -1,7 +1,8 @@
 //! What a clock answers to stations that speak STANAG 4586.
 //!
-//! *Purpose.* [`Node::handle`] turns the bytes of a datagram into [`Request`]s; [`Node::answers`] turns
-//! a request, the clock at its arrival and the clock now into the frames to send.
+//! *Purpose.* [`Node::push`] turns the bytes of a serial line into [`Request`]s, [`Node::handle`] those of a
+//! datagram; [`Node::answers`] turns a request, the clock at its arrival and the clock now into the frames
+//! to send. [`message`] has the numbers and fields, for both ends.
 //!
 //! *Design.* In two steps, because between them the caller reads the clock at the arrival. A datagram
 //! that does not divide into whole frames is refused whole. Nothing that arrives here changes anything
@@ -10,15 +11,17 @@
 //! - #1, Authorisation Request, to us or to all is answered with #2 and #3: LOI 2 (monitor) is granted and
 //!   never more, for nothing here can be flown.
 //! - #17002 is answered with the message that it asks for.
-//! - #52000, ours, asks for the time to the nanosecond and is answered with #52001.
+//! - #52000, ours, asks for the time to the nanosecond and is answered with #52001; #52004 for a parameter,
+//!   answered with #52005.
+//! - What asks for a change (#17001, #52003, #52005) is answered with what holds.
 //! - Any message to us alone with bit 15 is answered with #17000 too.
+//! - What is refused is counted by kind, and said in words to who sent it: #16000, at most one of a kind
+//!   each time that [`Node::poll_alert`] is asked.
 //!
 //! Answers, reports and heartbeats are never answered, so two nodes make no loop. A frame from our own
-//! id is somebody else with it, and counted.
+//! id is somebody else with it.
 //!
-//! *Limits.* Datagrams: on a serial line a framer would stand before this, and there is none yet. A clock
-//! that is not set leaves its Time Stamp out. *Sources.* The layouts of #1, #2, #3, #17000 and #17002 are
-//! those of implementations; #4000's is Edition 3's.
+//! *Limits.* A clock that is not set leaves its Time Stamp out. The sources are in [`message`].
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(
@@ -28,11 +31,16 @@
     clippy::indexing_slicing
 )]
 
+mod answer;
 mod clock;
+mod complaint;
+pub mod message;
 mod node;
-mod number;
 mod position;
+mod request;
 
+pub use answer::Answer;
 pub use clock::{Reading, State};
-pub use node::{Answer, Config, Counters, Node, Request};
-pub use position::Position;
+pub use complaint::Complaint;
+pub use node::{Config, Counters, Node};
+pub use request::Request;

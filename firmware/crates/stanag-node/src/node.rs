@@ -1,24 +1,20 @@
 //! The node: which frames ask for something, and how they are answered.
 
-use stanag_wire::{Builder, Frame, Header, Layout, NodeId, Refusal, Sum, TimeStamp, Values};
+use node_values::{Parameters, Severity};
+use stanag_wire::{Builder, Frame, Framer, FramerCounters, Header, NodeId, Refusal, TimeStamp};
+use timebase::{CORE_HZ, Cycles, Fix, StampedByte};
 
+use crate::answer::{self, Answer};
 use crate::clock::Reading;
-use crate::number::{
-    ACKNOWLEDGEMENT, ACKNOWLEDGEMENT_LAYOUT, AUTHORISATION_REQUEST, AUTHORISATION_RESPONSE,
-    AUTHORISATION_RESPONSE_LAYOUT, CLOCK_REPORT, CLOCK_REPORT_LAYOUT, CLOCK_REQUEST,
-    CLOCK_REQUEST_LAYOUT, HEARTBEAT, HEARTBEAT_LAYOUT, INERTIAL_STATES, INERTIAL_STATES_LAYOUT,
-    INFORMATION_REQUEST, INFORMATION_REQUEST_LAYOUT, SOFTWARE_VERSION, SOFTWARE_VERSION_LAYOUT,
-    VEHICLE_ID, VEHICLE_ID_LAYOUT,
-};
-use crate::position::Position;
+use crate::complaint::{Complaint, Complaints};
+use crate::message as m;
+use crate::position;
+use crate::request::{Asked, Request, Requests};
 
-/// LOI 2, monitor, as Edition 2's bit.
-const LOI_2: u64 = 1;
-/// Acknowledgement Type: it has arrived.
-const RECEIVED: u64 = 1;
-const NS_PER_MS: u64 = 1_000_000;
-/// The longest answer, #52001, with its wrapper and sum is shorter. \[bytes\]
-const MAX_ANSWER: usize = 64;
+/// How much later than `now` a byte may be stamped, in cycles: 1 s.
+const AFTER_NOW: u64 = CORE_HZ as u64;
+/// The longest frame that a line is searched for. \[bytes\]
+const LONGEST: usize = 64;
 
 /// Who a node is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,7 +29,7 @@ pub struct Config {
     pub board: u16,
 }
 
-/// What was received. All of them are since boot.
+/// What was received, by kind. All wrap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Counters {
     /// Frames that ask us for something.
@@ -44,64 +40,95 @@ pub struct Counters {
     pub refused: u32,
     /// Frames whose data are not as their presence vector says.
     pub malformed: u32,
+    /// Messages that ask for a change, which nobody without a key gets.
+    pub no_key: u32,
+    /// Requests for more than LOI 2.
+    pub loi: u32,
+    /// Numbers and parameters of ours that do not exist.
+    pub unknown: u32,
     /// Frames from our own id: there is another one with it.
     pub from_our_id: u32,
+    /// What the framer of a serial line found.
+    pub framing: FramerCounters,
 }
 
-/// What a station wants.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Request {
-    /// Who wants it.
-    pub from: NodeId,
-    /// The message that asks.
-    message: u16,
-    /// The message that is asked for; 0 is none.
-    wanted: u16,
-    wants_acknowledgement: bool,
-    idd: u8,
-    time_ms: Option<u64>,
-    /// Of #52000. \[ns\]
-    fraction_ns: Option<u64>,
-    sequence: Option<u64>,
-}
-
-/// A frame to send.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Answer {
-    bytes: [u8; MAX_ANSWER],
-    length: usize,
-}
-
-impl Answer {
-    /// Its bytes.
-    #[must_use]
-    pub fn bytes(&self) -> &[u8] {
-        self.bytes.get(..self.length).unwrap_or_default()
-    }
-}
-
-/// The node.
-#[derive(Clone, Debug)]
+/// A node on one line.
+#[derive(Debug)]
 pub struct Node {
     config: Config,
     counters: Counters,
+    framer: Framer<Requests>,
+    complaints: Complaints,
+    /// Frames without a sum that were complained of.
+    without_sum: u32,
+    /// Alerts that were sent.
+    alerts: u32,
+    /// The last #4000.
+    position: Option<Builder>,
 }
 
 impl Node {
-    /// A node that has heard nothing.
+    /// A line that has been silent for this long, in cycles, is between frames: 1 s.
+    pub const IDLE: u64 = CORE_HZ as u64;
+
+    /// A node that has received nothing.
     #[must_use]
     pub fn new(config: Config) -> Self {
-        let counters = Counters::default();
-        Self { config, counters }
+        Self {
+            config,
+            counters: Counters::default(),
+            framer: Framer::new(config.id),
+            complaints: Complaints::default(),
+            without_sum: 0,
+            alerts: 0,
+            position: None,
+        }
     }
 
     /// What was received so far.
     #[must_use]
     pub const fn counters(&self) -> Counters {
-        self.counters
+        Counters {
+            framing: self.framer.counters(),
+            ..self.counters
+        }
     }
 
-    /// Takes a datagram and returns what its frames ask for.
+    /// Takes a byte of a serial line, stamped at most 24 s before `now` or up to 1 s after it. A request
+    /// is to be answered with [`Self::answers`].
+    #[inline]
+    pub fn push(&mut self, byte: StampedByte, now: Cycles) -> Option<Request> {
+        match self.framer.push(byte) {
+            0 => None,
+            length => self.handle_found(length, now),
+        }
+    }
+
+    #[inline(never)]
+    fn handle_found(&mut self, length: usize, now: Cycles) -> Option<Request> {
+        let mut bytes = [0; LONGEST];
+        let arrival = self.framer.take(length, &mut bytes);
+        let (frame, _) = Frame::read(bytes.get(..length)?).ok()?;
+        self.handle_frame(&frame, arrival.extend(now.plus(AFTER_NOW)))
+    }
+
+    /// When to call [`Self::handle_timeout`] if no byte comes before; `None` while no frame can
+    /// have begun. `now` as for [`Self::push`].
+    #[must_use]
+    pub fn poll_timeout(&self, now: Cycles) -> Option<Cycles> {
+        let newest = self.framer.newest()?.extend(now.plus(AFTER_NOW));
+        Some(newest.plus(Self::IDLE))
+    }
+
+    /// Gives up a frame that has begun, if the line has been silent for [`Self::IDLE`]; otherwise
+    /// does nothing. The call may be up to 20 s late: after that the stamps are ambiguous.
+    pub fn handle_timeout(&mut self, now: Cycles) {
+        if self.poll_timeout(now).is_some_and(|due| now >= due) {
+            self.framer.give_up();
+        }
+    }
+
+    /// Takes a datagram that arrived at `arrival` and returns what its frames ask for.
     ///
     /// # Errors
     ///
@@ -109,6 +136,7 @@ impl Node {
     pub fn handle<'a>(
         &'a mut self,
         datagram: &'a [u8],
+        arrival: Cycles,
     ) -> Result<impl Iterator<Item = Request> + use<'a>, Refusal> {
         let mut rest = datagram;
         while !rest.is_empty() {
@@ -116,6 +144,12 @@ impl Node {
                 Ok((_, behind)) => rest = behind,
                 Err(refusal) => {
                     self.counters.refused = self.counters.refused.wrapping_add(1);
+                    // Edition 2, and what is no frame at all, come from nobody who would understand.
+                    match refusal {
+                        Refusal::NoWrapper => {}
+                        Refusal::Idd(_) => self.complain(NodeId::BROADCAST, Complaint::Idd),
+                        _ => self.complain(NodeId::BROADCAST, Complaint::NotWhole),
+                    }
                     return Err(refusal);
                 }
             }
@@ -126,253 +160,163 @@ impl Node {
             rest = behind;
             Some(frame)
         });
-        Ok(frames.filter_map(|frame| self.request(&frame)))
+        Ok(frames.filter_map(move |frame| self.handle_frame(&frame, arrival)))
     }
 
     /// What one frame asks for, counted.
-    fn request(&mut self, frame: &Frame<'_>) -> Option<Request> {
+    fn handle_frame(&mut self, frame: &Frame<'_>, arrival: Cycles) -> Option<Request> {
         let Config { id, .. } = self.config;
         let header = frame.header;
         let is_for_us = [id, NodeId::BROADCAST].contains(&header.destination);
+        if header.source == id {
+            self.counters.from_our_id = self.counters.from_our_id.wrapping_add(1);
+            self.complain(NodeId::BROADCAST, Complaint::OurId);
+            return None;
+        }
         let counters = &mut self.counters;
-        let (counter, found) = match read(frame, id) {
-            _ if header.source == id => (&mut counters.from_our_id, None),
-            Ok(Some(request)) if is_for_us => (&mut counters.requests, Some(request)),
-            Ok(_) => (&mut counters.passed, None),
-            Err(_) if is_for_us => (&mut counters.malformed, None),
-            Err(_) => (&mut counters.passed, None),
+        if !is_for_us {
+            counters.passed = counters.passed.wrapping_add(1);
+            return None;
+        }
+        let Ok(read) = Request::read(frame, id, arrival) else {
+            counters.malformed = counters.malformed.wrapping_add(1);
+            self.complain(header.source, Complaint::Malformed);
+            return None;
+        };
+        let counter = match read.complaint {
+            Some(Complaint::NoKey) => Some(&mut counters.no_key),
+            Some(Complaint::Loi) => Some(&mut counters.loi),
+            Some(_) => Some(&mut counters.unknown),
+            None => None,
+        };
+        if let Some(counter) = counter {
+            *counter = counter.wrapping_add(1);
+        }
+        let asks = read.request.asks();
+        let counter = if asks {
+            &mut counters.requests
+        } else {
+            &mut counters.passed
         };
         *counter = counter.wrapping_add(1);
-        found
+        if let Some(complaint) = read.complaint {
+            self.complain(header.source, complaint);
+        }
+        asks.then_some(read.request)
+    }
+
+    fn complain(&mut self, to: NodeId, what: Complaint) {
+        self.complaints.push(to, what);
     }
 
     /// The frames that answer `request`: the clock `at_arrival` of its first byte, and `now`.
-    pub fn answers(
-        &self,
-        request: Request,
+    pub fn answers<'a>(
+        &'a self,
+        request: &'a Request,
         at_arrival: Reading,
         now: Reading,
-    ) -> impl Iterator<Item = Answer> + use<> {
-        let config = self.config;
-        let acknowledgement = request.wants_acknowledgement.then_some(ACKNOWLEDGEMENT);
-        let [first, second] = match (request.message, request.wanted) {
-            (AUTHORISATION_REQUEST, _) => [Some(AUTHORISATION_RESPONSE), Some(VEHICLE_ID)],
-            (_, 0) => [None, None],
-            (_, wanted) => [Some(wanted), None],
+        parameters: &'a impl Parameters,
+    ) -> impl Iterator<Item = Answer> {
+        let acknowledgement = request.wants_acknowledgement.then_some(m::ACKNOWLEDGEMENT);
+        let [first, second] = match request.wanted {
+            Asked::Nothing => [None, None],
+            Asked::Identity => [Some(m::AUTHORISATION_RESPONSE), Some(m::VEHICLE_ID)],
+            // What needs a question of its own is not asked for by another.
+            Asked::Message(m::ACKNOWLEDGEMENT) => [None, None],
+            Asked::Message(message) => [Some(message), None],
+            Asked::Clock { .. } => [Some(m::CLOCK_REPORT), None],
+            Asked::Interval(_) => [Some(m::MESSAGE_INTERVAL), None],
+            Asked::Parameter(_) => [Some(m::PARAMETER_VALUE), None],
         };
-        [acknowledgement, first, second]
-            .into_iter()
-            .flatten()
-            .filter_map(move |message| {
-                let data = match message {
-                    ACKNOWLEDGEMENT => acknowledge(&request, at_arrival),
-                    AUTHORISATION_RESPONSE => authorise(at_arrival),
-                    VEHICLE_ID => vehicle(&config, at_arrival),
-                    HEARTBEAT => stamped(&HEARTBEAT_LAYOUT, at_arrival),
-                    SOFTWARE_VERSION => version(&config, at_arrival),
-                    CLOCK_REPORT => report(&request, at_arrival, now),
-                    _ => return None,
-                };
-                frame(config.id, request.from, request.idd, message, &data)
-            })
+        let messages = [acknowledgement, first, second].into_iter().flatten();
+        messages.filter_map(move |message| {
+            let data = self.data(message, request, at_arrival, now, parameters)?;
+            let ends = (self.config.id, request.from);
+            Answer::new(ends, request.idd, message, &data)
+        })
+    }
+
+    fn data(
+        &self,
+        message: u16,
+        request: &Request,
+        at_arrival: Reading,
+        now: Reading,
+        parameters: &impl Parameters,
+    ) -> Option<Builder> {
+        Some(match (message, request.wanted) {
+            (m::ACKNOWLEDGEMENT, _) => answer::acknowledgement(request, at_arrival),
+            (m::AUTHORISATION_RESPONSE, _) => answer::authorisation(at_arrival),
+            (m::VEHICLE_ID, _) => answer::vehicle(&self.config, at_arrival),
+            (m::HEARTBEAT, _) => answer::stamped(&m::HEARTBEAT_LAYOUT, at_arrival),
+            (m::SOFTWARE_VERSION, _) => answer::version(&self.config, at_arrival),
+            (m::INERTIAL_STATES, _) => self.position.clone()?,
+            (
+                m::CLOCK_REPORT,
+                Asked::Clock {
+                    fraction_ns,
+                    sequence,
+                },
+            ) => answer::report(request, (sequence, fraction_ns), at_arrival, now),
+            (m::MESSAGE_INTERVAL, Asked::Interval(of)) => answer::interval(of, at_arrival),
+            (m::PARAMETER_VALUE, Asked::Parameter(it)) => {
+                answer::parameter(it, parameters.parameter(it), at_arrival)
+            }
+            _ => return None,
+        })
     }
 
     /// A heartbeat to all, once a second.
     #[must_use]
     pub fn heartbeat(&self, now: Reading) -> Option<Answer> {
-        let data = stamped(&HEARTBEAT_LAYOUT, now);
-        self.to_all(HEARTBEAT, &data)
+        self.to_all(m::HEARTBEAT, &answer::stamped(&m::HEARTBEAT_LAYOUT, now))
     }
 
     /// #4000 to all: where we are at an epoch of the receiver, whose UTC is `epoch_ns` once it is known.
     /// \[ns\]
-    #[must_use]
-    pub fn position(&self, epoch_ns: Option<i64>, position: &Position) -> Option<Answer> {
-        let mut data = Builder::new(&INERTIAL_STATES_LAYOUT);
+    pub fn position(&mut self, epoch_ns: Option<i64>, fix: &Fix) -> Option<Answer> {
+        let mut data = Builder::new(&m::INERTIAL_STATES_LAYOUT);
         if let Some(epoch_ns) = epoch_ns {
             data.unsigned(0, TimeStamp::from_unix_ns(epoch_ns).ms);
         }
-        position.write(&mut data);
-        self.to_all(INERTIAL_STATES, &data)
+        position::write(fix, &mut data);
+        let answer = self.to_all(m::INERTIAL_STATES, &data);
+        self.position = Some(data);
+        answer
+    }
+
+    /// #16000 to all: something happened to the clock.
+    pub fn alert(&mut self, now: Reading, severity: Severity, text: &str) -> Option<Answer> {
+        self.alert_to(NodeId::BROADCAST, now, (answer::NAVIGATION, severity), text)
+    }
+
+    /// #16000 to who sent something that was refused, one at a time. To be called once a second, until it
+    /// has none.
+    pub fn poll_alert(&mut self, now: Reading) -> Option<Answer> {
+        let without_sum = self.framer.counters().without_sum;
+        if without_sum != self.without_sum {
+            self.without_sum = without_sum;
+            self.complain(NodeId::BROADCAST, Complaint::NoSum);
+        }
+        let (to, what) = self.complaints.poll()?;
+        let said = (answer::VSM, Severity::Warning);
+        self.alert_to(to, now, said, what.words())
+    }
+
+    fn alert_to(
+        &mut self,
+        to: NodeId,
+        now: Reading,
+        said: (u64, Severity),
+        text: &str,
+    ) -> Option<Answer> {
+        self.alerts = self.alerts.wrapping_add(1) & i32::MAX.cast_unsigned();
+        let data = answer::alert(now, said, self.alerts, text);
+        Answer::new((self.config.id, to), Header::EDITION_3, m::ALERT, &data)
     }
 
     fn to_all(&self, message: u16, data: &Builder) -> Option<Answer> {
-        let id = self.config.id;
-        frame(id, NodeId::BROADCAST, Header::EDITION_3, message, data)
+        let ends = (self.config.id, NodeId::BROADCAST);
+        Answer::new(ends, Header::EDITION_3, message, data)
     }
-}
-
-/// What a frame asks for, whoever is meant; `None` when nothing.
-fn read(frame: &Frame<'_>, us: NodeId) -> Result<Option<Request>, Refusal> {
-    let header = frame.header;
-    let is_known = |layout: &Layout| layout.values(frame.data);
-    let number = |values: &Values<'_>, field| values.unsigned(field);
-    let mut request = Request {
-        from: header.source,
-        message: header.message,
-        wanted: 0,
-        // All would answer at once.
-        wants_acknowledgement: header.wants_acknowledgement && header.destination == us,
-        idd: header.idd,
-        time_ms: None,
-        fraction_ns: None,
-        sequence: None,
-    };
-    match header.message {
-        // Reports and answers; an answer to them could be answered again.
-        ACKNOWLEDGEMENT
-        | CLOCK_REPORT
-        | AUTHORISATION_RESPONSE
-        | VEHICLE_ID
-        | INERTIAL_STATES
-        | SOFTWARE_VERSION => return Ok(None),
-        AUTHORISATION_REQUEST => {
-            // Its first two fields: implementations of the rest differ.
-            let id = authorisation_id(frame.data)?;
-            if ![None, Some(us), Some(NodeId::BROADCAST), Some(NodeId::NULL)].contains(&id) {
-                return Ok(None);
-            }
-            request.wanted = AUTHORISATION_RESPONSE;
-        }
-        HEARTBEAT => request.time_ms = number(&is_known(&HEARTBEAT_LAYOUT)?, 0),
-        INFORMATION_REQUEST => {
-            let values = is_known(&INFORMATION_REQUEST_LAYOUT)?;
-            request.time_ms = number(&values, 0);
-            let wanted = number(&values, 4).and_then(|it| u16::try_from(it).ok());
-            // What needs a question of its own is not asked for by this one.
-            let wanted = wanted.filter(|&it| ![ACKNOWLEDGEMENT, CLOCK_REPORT].contains(&it));
-            request.wanted = wanted.unwrap_or(0);
-        }
-        CLOCK_REQUEST => {
-            let values = is_known(&CLOCK_REQUEST_LAYOUT)?;
-            request.time_ms = number(&values, 0);
-            request.fraction_ns = number(&values, 1);
-            request.sequence = number(&values, 2);
-            request.wanted = CLOCK_REPORT;
-        }
-        _ => {}
-    }
-    let asks = request.wanted != 0 || request.wants_acknowledgement;
-    Ok(asks.then_some(request))
-}
-
-/// The VSM that #1 is for, if it names one.
-fn authorisation_id(data: &[u8]) -> Result<Option<NodeId>, Refusal> {
-    let (vector, fields) = data.split_first_chunk::<3>().ok_or(Refusal::Data)?;
-    let [_, _, low] = vector;
-    let fields = match low & 1 {
-        0 => fields,
-        _ => fields.get(5..).ok_or(Refusal::Data)?,
-    };
-    if low & 2 == 0 {
-        return Ok(None);
-    }
-    let id = fields.first_chunk().ok_or(Refusal::Data)?;
-    Ok(Some(NodeId(u32::from_be_bytes(*id))))
-}
-
-/// Data that begin with the time, if it is known.
-fn stamped(layout: &Layout, reading: Reading) -> Builder {
-    let mut data = Builder::new(layout);
-    if let Some(utc_ns) = reading.utc_ns {
-        data.unsigned(0, TimeStamp::from_unix_ns(utc_ns).ms);
-    }
-    data
-}
-
-/// #17000.
-fn acknowledge(request: &Request, at_arrival: Reading) -> Builder {
-    let mut data = stamped(&ACKNOWLEDGEMENT_LAYOUT, at_arrival);
-    if let Some(time_ms) = request.time_ms {
-        data.unsigned(1, time_ms);
-    }
-    data.unsigned(2, request.message.into());
-    data.unsigned(3, RECEIVED);
-    data
-}
-
-/// #2.
-fn authorise(at_arrival: Reading) -> Builder {
-    let mut data = stamped(&AUTHORISATION_RESPONSE_LAYOUT, at_arrival);
-    let null = NodeId::NULL.0.into();
-    for (field, value) in [
-        (1, null),
-        (2, null),
-        (5, LOI_2),
-        (6, LOI_2),
-        (13, 0),
-        (14, 0),
-    ] {
-        data.unsigned(field, value);
-    }
-    data
-}
-
-/// #3. The subtype is the maker's own: major and minor of the firmware.
-fn vehicle(config: &Config, at_arrival: Reading) -> Builder {
-    let [major, minor, _] = config.version;
-    let subtype = u16::from_be_bytes([major, minor]).into();
-    let mut data = stamped(&VEHICLE_ID_LAYOUT, at_arrival);
-    for (field, value) in [(1, NodeId::NULL.0.into()), (3, 0), (4, subtype), (5, 0)] {
-        data.unsigned(field, value);
-    }
-    data
-}
-
-/// #52002.
-fn version(config: &Config, at_arrival: Reading) -> Builder {
-    let mut data = stamped(&SOFTWARE_VERSION_LAYOUT, at_arrival);
-    for (field, part) in (1..).zip(config.version) {
-        data.unsigned(field, part.into());
-    }
-    data.unsigned(4, config.git_hash.into());
-    data.unsigned(5, config.board.into());
-    data.unsigned(6, Header::EDITION_3.into());
-    data
-}
-
-/// #52001.
-fn report(request: &Request, at_arrival: Reading, now: Reading) -> Builder {
-    let mut data = Builder::new(&CLOCK_REPORT_LAYOUT);
-    let [sent, arrived] = [now, at_arrival].map(|it| it.utc_ns.map(TimeStamp::from_unix_ns));
-    // Either both times or none: a clock that was set in between has not timed the arrival.
-    let times = arrived.and_then(|arrived| Some((arrived, sent?)));
-    if let Some((_, sent)) = times {
-        data.unsigned(0, sent.ms);
-        data.unsigned(1, sent.fraction_ns.into());
-    }
-    let original = [request.sequence, request.time_ms, request.fraction_ns];
-    for (field, value) in (2..).zip(original) {
-        if let Some(value) = value {
-            data.unsigned(field, value);
-        }
-    }
-    if let Some((arrived, _)) = times {
-        data.unsigned(5, arrived.ms);
-        data.unsigned(6, arrived.fraction_ns.into());
-        data.unsigned(7, at_arrival.uncertainty_ns.into());
-    }
-    data.unsigned(8, at_arrival.state.number());
-    data.unsigned(9, at_arrival.boot_ns / NS_PER_MS);
-    data.unsigned(10, at_arrival.boot_ns % NS_PER_MS);
-    data
-}
-
-fn frame(from: NodeId, to: NodeId, idd: u8, message: u16, data: &Builder) -> Option<Answer> {
-    let header = Header {
-        source: from,
-        destination: to,
-        message,
-        wants_acknowledgement: false,
-        idd,
-        // Of Edition 4 no sum is known.
-        sum: if idd == Header::EDITION_3 {
-            Sum::Bytes2
-        } else {
-            Sum::None
-        },
-    };
-    let mut bytes = [0; MAX_ANSWER];
-    let length = header.write(data.data(), &mut bytes)?;
-    Some(Answer { bytes, length })
 }

@@ -1,7 +1,9 @@
 //! What is answered, to the byte: frames that the decoder of `synapse-cdm` 3.9.1 accepts.
 
-use stanag_node::{Config, Node, Position, Reading, State};
-use stanag_wire::{NodeId, Refusal};
+use node_values::{NodeTime, Parameter, Parameters, Severity};
+use stanag_node::{Config, Node, Reading, State, message};
+use stanag_wire::{Builder, Header, Layout, NodeId, Refusal, Sum, Values};
+use timebase::{Cycles, Fix, StampedByte};
 
 /// 2026-11-28 06:40:00.123 UTC. \[ns\]
 const TIME_NS: i64 = 1_795_848_000_123_000_000;
@@ -25,19 +27,34 @@ fn node() -> Node {
 
 fn at(utc_ns: i64) -> Reading {
     Reading {
-        utc_ns: Some(utc_ns),
+        time: NodeTime {
+            boot: UP,
+            utc_ns: Some(utc_ns),
+        },
         uncertainty_ns: 40,
         state: State::Pulse,
-        boot_ns: 83_456_012_345,
     }
 }
 
+/// 83.456 012 345 s.
+const UP: Cycles = Cycles::from_nanos(83_456_012_345);
 const NOT_SET: Reading = Reading {
-    utc_ns: None,
+    time: NodeTime {
+        boot: UP,
+        utc_ns: None,
+    },
     uncertainty_ns: u32::MAX,
     state: State::NotSet,
-    boot_ns: 83_456_012_345,
 };
+
+/// Parameters whose values are their indices and a half.
+struct Halves;
+
+impl Parameters for Halves {
+    fn parameter(&self, parameter: Parameter) -> f32 {
+        f32::from(parameter.index()) + 0.5
+    }
+}
 
 fn bytes(hex: &str) -> Vec<u8> {
     let digit = |it: u8| char::from(it).to_digit(16).expect("hexadecimal") as u8;
@@ -50,11 +67,20 @@ fn bytes(hex: &str) -> Vec<u8> {
 fn answers(datagram: &str, at_arrival: Reading, now: Reading) -> Vec<String> {
     let mut node = node();
     let datagram = bytes(datagram);
-    let requests: Vec<_> = node.handle(&datagram).expect("good frames").collect();
-    let answers = requests
-        .into_iter()
-        .flat_map(|it| node.answers(it, at_arrival, now));
-    answers.map(|it| hex(it.bytes())).collect()
+    answers_of(&mut node, &datagram, at_arrival, now)
+}
+
+fn answers_of(node: &mut Node, datagram: &[u8], at_arrival: Reading, now: Reading) -> Vec<String> {
+    let requests = node.handle(datagram, UP).expect("good frames");
+    let requests: Vec<_> = requests.collect();
+    let mut answers = Vec::new();
+    for request in &requests {
+        answers.extend(
+            node.answers(request, at_arrival, now, &Halves)
+                .map(|it| hex(it.bytes())),
+        );
+    }
+    answers
 }
 
 fn hex(bytes: &[u8]) -> String {
@@ -101,28 +127,45 @@ fn a_message_that_is_asked_for_is_sent() {
 
 #[test]
 fn where_and_when_the_receiver_is() {
-    let position = Position {
-        latitude: 372_963_000,
-        longitude: 1_272_012_000,
-        height_mm: 120_000,
+    let fix = Fix {
+        fix_type: 3,
+        fix_ok: true,
+        latitude_1e7_deg: 372_963_000,
+        longitude_1e7_deg: 1_272_012_000,
+        height_ellipsoid_mm: 120_000,
         velocity_mm_s: [1_500, -2_000, 100],
+        ..Fix::default()
     };
-    let sent = node()
-        .position(Some(TIME_NS), &position)
-        .map(|it| hex(it.bytes()));
+    let mut node = node();
+    let mut sent = |epoch_ns, fix: Fix| node.position(epoch_ns, &fix).map(|it| hex(it.bytes()));
     let expected =
         "ffff001a00504301ffffffff0fa01e400000ffc5b612267b1a85958f5a74459400177003001effd8000210cd";
-    assert_eq!(sent.as_deref(), Some(expected));
+    assert_eq!(sent(Some(TIME_NS), fix).as_deref(), Some(expected));
+    let vector = |sent: Option<String>| sent.expect("it has room")[32..38].to_owned();
     // Faster than a field can say: that speed is left out.
-    let fast = Position {
+    let fast = Fix {
         velocity_mm_s: [0, 2_000_000, 0],
-        ..position
+        ..fix
     };
-    let sent = node().position(None, &fast).map(|it| hex(it.bytes()));
+    assert_eq!(vector(sent(None, fast)), "0000be");
+    // Without a height, and without a fix.
+    assert_eq!(vector(sent(None, Fix { fix_type: 2, ..fix })), "0000e6");
     assert_eq!(
-        sent.map(|it| it[32..38].to_owned()).as_deref(),
-        Some("0000be")
+        vector(sent(
+            None,
+            Fix {
+                fix_ok: false,
+                ..fix
+            }
+        )),
+        "000000"
     );
+    // What was sent last is sent again to who asks for it.
+    assert_eq!(sent(Some(TIME_NS), fix).as_deref(), Some(expected));
+    let asks = "ffff000800505f0100504301426a1e4011c5b612267b0fa00742";
+    let again = answers_of(&mut node, &bytes(asks), NOT_SET, NOT_SET);
+    assert_eq!(again.len(), 1);
+    assert_eq!(again[0][32..84], expected[32..84]);
 }
 
 #[test]
@@ -143,13 +186,13 @@ fn answers_and_our_own_frames_are_never_answered() {
         .replace("00505f0100504301", "0050430100504301")
         .replace("0827", "080b");
     let mut node = node();
-    assert_eq!(node.handle(&bytes(&own)).unwrap().count(), 0);
+    assert_eq!(node.handle(&bytes(&own), UP).unwrap().count(), 0);
     assert_eq!(node.counters().from_our_id, 1);
     // To another vehicle.
     let other = CLOCK_REQUEST
         .replace("00504301", "00504302")
         .replace("0827", "0828");
-    assert_eq!(node.handle(&bytes(&other)).unwrap().count(), 0);
+    assert_eq!(node.handle(&bytes(&other), UP).unwrap().count(), 0);
     assert_eq!(node.counters().passed, 1);
 }
 
@@ -157,36 +200,242 @@ fn answers_and_our_own_frames_are_never_answered() {
 fn a_datagram_that_does_not_divide_is_refused_whole() {
     let mut node = node();
     let datagram = bytes(&format!("{CLOCK_REQUEST}{HEARTBEAT_WITH_BIT_15}"));
-    assert_eq!(node.handle(&datagram).unwrap().count(), 2);
+    assert_eq!(node.handle(&datagram, UP).unwrap().count(), 2);
     let cut = &datagram[..datagram.len() - 1];
-    assert_eq!(node.handle(cut).err(), Some(Refusal::Short));
+    assert_eq!(node.handle(cut, UP).err(), Some(Refusal::Short));
     assert_eq!((node.counters().refused, node.counters().requests), (1, 2));
 }
 
-#[test]
-fn every_private_message_with_every_byte_changes_nothing() {
-    let mut node = node();
-    let header = |message| stanag_wire::Header {
-        source: NodeId(0x0050_5f01),
+/// A frame from the station to the node.
+fn frame(message: u16, data: &[u8]) -> Vec<u8> {
+    let header = Header {
+        source: NodeId(0x0050_5F01),
         destination: NodeId(0x0050_4301),
         message,
         wants_acknowledgement: false,
-        idd: 30,
-        sum: stanag_wire::Sum::Bytes2,
+        idd: Header::EDITION_3,
+        sum: Sum::Bytes2,
     };
-    for message in 52_000..=52_015 {
+    let mut out = [0; 548];
+    let end = header.write(data, &mut out).expect("it has room");
+    out[..end].to_vec()
+}
+
+fn data(layout: &Layout, fields: &[(usize, u64)]) -> Vec<u8> {
+    let mut data = Builder::new(layout);
+    for &(field, value) in fields {
+        assert!(data.unsigned(field, value));
+    }
+    data.data().to_vec()
+}
+
+/// The data of the one frame in `hex`.
+fn sent_data(hex: &str, expected: u16) -> Vec<u8> {
+    let bytes = bytes(hex);
+    let (frame, rest) = stanag_wire::Frame::read(&bytes).expect("a frame");
+    assert_eq!((frame.header.message, rest.len()), (expected, 0));
+    frame.data.to_vec()
+}
+
+/// The words of the alerts that wait, with whom they are for.
+fn alerts(node: &mut Node) -> Vec<(u32, String)> {
+    let mut said = Vec::new();
+    while let Some(alert) = node.poll_alert(NOT_SET) {
+        let (frame, _) = stanag_wire::Frame::read(alert.bytes()).expect("a frame");
+        assert_eq!(frame.header.message, message::ALERT);
+        let values: Values<'_> = message::ALERT_LAYOUT.values(frame.data).expect("an alert");
+        let text = values.bytes(11).expect("it has words");
+        let end = text.iter().position(|&it| it == 0).expect("its NUL");
+        let words = String::from_utf8(text[..end].to_vec()).expect("ASCII");
+        said.push((frame.header.destination.0, words));
+    }
+    said
+}
+
+const STATION: u32 = 0x0050_5F01;
+const ALL: u32 = 0xFFFF_FFFF;
+
+#[test]
+fn an_interval_and_a_parameter_are_reported_and_never_changed() {
+    let mut node = node();
+    let set = at(TIME_NS);
+    let interval = &message::MESSAGE_INTERVAL_LAYOUT;
+    for (of, asked_ms, holds_ms, complaints) in [
+        (16_002, u64::from(u32::MAX), 1_000, 0),
+        (4_000, 100, 1_000, 1),
+        (52_001, 100, 0, 1),
+    ] {
+        let asks = frame(52_003, &data(interval, &[(1, of), (2, asked_ms)]));
+        let sent = answers_of(&mut node, &asks, set, set);
+        let sent = sent_data(&sent[0], 52_003);
+        let values = interval.values(&sent).unwrap();
+        assert_eq!(
+            (values.unsigned(1), values.unsigned(2)),
+            (Some(of), Some(holds_ms))
+        );
+        assert_eq!(alerts(&mut node).len(), complaints, "{of}");
+    }
+    // #17001 asks for the same.
+    let asks = frame(
+        17_001,
+        &data(&message::SCHEDULE_LAYOUT, &[(1, 4_000), (2, 10)]),
+    );
+    let sent = answers_of(&mut node, &asks, set, set);
+    sent_data(&sent[0], 52_003);
+    assert!(alerts(&mut node)[0].1.starts_with("not changed"));
+    assert_eq!(node.counters().no_key, 3);
+
+    let layout = &message::PARAMETER_REQUEST_LAYOUT;
+    let value = &message::PARAMETER_VALUE_LAYOUT;
+    let mut by_name = Builder::new(layout);
+    by_name.unsigned(1, 0xFFFF);
+    by_name.bytes(2, b"PC_TICK_US");
+    let mut change = Builder::new(value);
+    change.unsigned(1, 1);
+    change.unsigned(5, 7);
+    for asks in [
+        frame(52_004, by_name.data()),
+        frame(52_004, &data(layout, &[(1, 1)])),
+        frame(52_005, change.data()),
+    ] {
+        let sent = answers_of(&mut node, &asks, set, set);
+        let sent = sent_data(&sent[0], 52_005);
+        let values = value.values(&sent).unwrap();
+        assert_eq!(values.unsigned(1), Some(1));
+        assert_eq!(values.unsigned(2), Some(Parameter::ALL.len() as u64));
+        assert_eq!(values.bytes(3), Some(&b"PC_TICK_US\0\0\0\0\0\0\0"[..]));
+        let bits = values.unsigned(5).and_then(|it| u32::try_from(it).ok());
+        assert_eq!(bits.map(f32::from_bits), Some(1.5));
+    }
+    assert_eq!(node.counters().no_key, 4);
+    assert!(alerts(&mut node)[0].1.starts_with("not changed"));
+    let asks = frame(52_004, &data(layout, &[(1, 99)]));
+    assert!(answers_of(&mut node, &asks, set, set).is_empty());
+    assert_eq!(alerts(&mut node), [(STATION, "not known here".to_owned())]);
+}
+
+#[test]
+fn what_is_refused_is_counted_and_said_in_words() {
+    let mut node = node();
+    let loi = |bits| {
+        let fields = [(1, u64::from(ALL)), (5, bits)];
+        frame(1, &data(&message::AUTHORISATION_REQUEST_LAYOUT, &fields))
+    };
+    // LOI 2, and all of them: granted is LOI 2.
+    for (bits, complaints) in [(1, 0), (0xF, 1)] {
+        let sent = answers_of(&mut node, &loi(bits), at(TIME_NS), at(TIME_NS));
+        assert_eq!(sent_data(&sent[0], 2)[16..18], [1, 1]);
+        assert_eq!(alerts(&mut node).len(), complaints);
+    }
+    assert_eq!(node.counters().loi, 1);
+    // Longer and shorter than the vector says.
+    for length in [1, 5, 7] {
+        let bytes = frame(16_002, &[1, 2, 3, 4, 5, 6, 7, 8][..length]);
+        assert_eq!(node.handle(&bytes, UP).unwrap().count(), 0);
+        assert!(alerts(&mut node)[0].1.contains("presence vector"));
+    }
+    assert_eq!(node.counters().malformed, 3);
+    // A bit that the table does not have: what is known of it is read.
+    let later = frame(16_002, &[0x81, 1, 2, 3, 4, 5, 6, 7]);
+    assert_eq!(node.handle(&later, UP).unwrap().count(), 0);
+    assert!(alerts(&mut node).is_empty());
+    // Of another edition, cut off, of Edition 2, and from our own id.
+    let mut other = frame(16_002, &[0]);
+    (other[14], other[18]) = (40, other[18] + 10);
+    assert_eq!(node.handle(&other, UP).err(), Some(Refusal::Idd(40)));
+    assert!(alerts(&mut node)[0].1.contains("IDD 30"));
+    assert!(node.handle(&other[..12], UP).is_err());
+    assert!(alerts(&mut node)[0].1.contains("whole"));
+    assert!(node.handle(b"25and so on, to 16 bytes", UP).is_err());
+    assert!(alerts(&mut node).is_empty());
+    let own = CLOCK_REQUEST
+        .replace("00505f0100504301", "0050430100504301")
+        .replace("0827", "080b");
+    assert_eq!(node.handle(&bytes(&own), UP).unwrap().count(), 0);
+    assert_eq!(
+        alerts(&mut node),
+        [(ALL, "another node has our id".to_owned())]
+    );
+    // A flood of one kind is one alert.
+    for _ in 0..1_000 {
+        assert!(node.handle(&other, UP).is_err());
+    }
+    assert_eq!(alerts(&mut node).len(), 1);
+    assert_eq!(node.counters().refused, 1_003);
+}
+
+#[test]
+fn an_alert_has_the_words_of_a_statustext() {
+    let mut node = node();
+    let said = node.alert(at(TIME_NS), Severity::Warning, "clock in holdover");
+    let said = hex(said.expect("it has room").bytes());
+    let data = sent_data(&said, message::ALERT);
+    let values = message::ALERT_LAYOUT.values(&data).unwrap();
+    let read = [0, 2, 4].map(|field| values.unsigned(field));
+    assert_eq!(read, [Some(849_163_200_123), Some(3), Some(5)]);
+    assert_eq!(values.integer(10), Some(-1));
+    assert!(
+        values
+            .bytes(11)
+            .unwrap()
+            .starts_with(b"clock in holdover\0")
+    );
+    let long = node
+        .alert(NOT_SET, Severity::Error, &"x".repeat(200))
+        .unwrap();
+    let data = sent_data(&hex(long.bytes()), message::ALERT);
+    let values = message::ALERT_LAYOUT.values(&data).unwrap();
+    assert_eq!(values.bytes(11).map(|it| it[79]), Some(0));
+}
+
+#[test]
+fn a_line_gives_the_same_requests_with_their_arrival() {
+    let mut node = node();
+    let stream = bytes(&format!(
+        "00ffff{CLOCK_REQUEST}ff{HEARTBEAT_WITH_BIT_15}{DISCOVERY}"
+    ));
+    let at = |nth: usize| Cycles(50_000_000_000 + 14_583 * nth as u64);
+    let now = at(stream.len());
+    let mut requests = Vec::new();
+    for (nth, &byte) in stream.iter().enumerate() {
+        let stamp = at(nth).stamp();
+        requests.extend(node.push(StampedByte { stamp, byte }, now));
+    }
+    let arrivals: Vec<_> = requests.iter().map(|it| it.arrival).collect();
+    assert_eq!(arrivals, [at(3), at(35), at(59)]);
+    let framing = node.counters().framing;
+    assert_eq!((framing.frames, framing.foreign_bytes), (3, 4));
+    // A frame without a sum is no frame there, and that is said to all, once.
+    for byte in bytes("ffff000600505f01005043013e821e0001c5b612267b") {
+        let stamp = now.stamp();
+        assert_eq!(node.push(StampedByte { stamp, byte }, now), None);
+    }
+    assert_eq!(alerts(&mut node).len(), 1);
+    // After a silence what has begun is given up.
+    assert_eq!(node.poll_timeout(now), Some(now.plus(Node::IDLE)));
+    node.handle_timeout(now.plus(Node::IDLE));
+    assert_eq!(node.poll_timeout(now), None);
+}
+
+#[test]
+fn every_message_of_ours_with_every_byte_changes_nothing() {
+    let mut node = node();
+    let before = node.heartbeat(NOT_SET).expect("it has room");
+    for number in message::OURS.chain([1, 16_002, 17_000, 17_001, 17_002]) {
         for byte in 0..=255 {
             for length in [1, 2, 13, 40] {
-                let mut out = [0; 128];
-                let end = header(message)
-                    .write(&[byte; 40][..length], &mut out)
-                    .unwrap();
-                let requests: Vec<_> = node.handle(&out[..end]).unwrap().collect();
-                for request in requests {
-                    assert!(node.answers(request, NOT_SET, NOT_SET).count() <= 2);
-                }
+                let bytes = frame(number, &[byte; 40][..length]);
+                assert!(answers_of(&mut node, &bytes, NOT_SET, NOT_SET).len() <= 2);
             }
         }
+        assert!(alerts(&mut node).len() <= 3);
     }
-    assert_eq!(hex(node.heartbeat(NOT_SET).unwrap().bytes()).len(), 2 * 19);
+    assert_eq!(node.heartbeat(NOT_SET), Some(before));
+    for bits in [0, u64::from(u32::MAX)] {
+        let asks = data(&message::MESSAGE_INTERVAL_LAYOUT, &[(1, 4_000), (2, bits)]);
+        let sent = answers_of(&mut node, &frame(52_003, &asks), NOT_SET, NOT_SET);
+        let sent = sent_data(&sent[0], 52_003);
+        let values = message::MESSAGE_INTERVAL_LAYOUT.values(&sent).unwrap();
+        assert_eq!(values.unsigned(2), Some(1_000));
+    }
 }

@@ -1,6 +1,5 @@
 //! Data that begin with a presence vector.
 
-use crate::frame::MAX_DATA;
 use crate::refusal::Refusal;
 
 /// The fields of a message: how wide its presence vector is, and how long each field.
@@ -111,13 +110,16 @@ impl<'a> Values<'a> {
     }
 }
 
+/// The longest data that are built here: an alert with its text has 110. \[bytes\]
+const MAX_BUILT: usize = 128;
+
 /// Data that are being written: field by field, from the first on.
 #[derive(Clone, Debug)]
 pub struct Builder {
     layout: Layout,
     next: usize,
     length: usize,
-    bytes: [u8; MAX_DATA],
+    bytes: [u8; MAX_BUILT],
 }
 
 impl Builder {
@@ -128,7 +130,7 @@ impl Builder {
             layout: *layout,
             next: 0,
             length: layout.vector as usize,
-            bytes: [0; MAX_DATA],
+            bytes: [0; MAX_BUILT],
         }
     }
 
@@ -157,7 +159,7 @@ impl Builder {
         let end = self.length + usize::from(size);
         // The vector's byte that has the bit, counted from its end.
         let byte = usize::from(self.layout.vector).checked_sub(1 + field / 8);
-        if field < self.next || bytes.len() > usize::from(size) || end > MAX_DATA {
+        if field < self.next || bytes.len() > usize::from(size) || end > MAX_BUILT {
             return false;
         }
         let Some(byte) = byte.and_then(|byte| self.bytes.get_mut(byte)) else {

@@ -18,7 +18,7 @@ const ACKNOWLEDGE: u16 = 1 << 15;
 const IDD_AT: u16 = 8;
 const SUM_AT: u16 = 6;
 
-/// How long the sum of all bytes before it is.
+/// What stands behind the data: how long the sum of all bytes before it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sum {
     /// There is none.
@@ -27,6 +27,8 @@ pub enum Sum {
     Bytes2,
     /// 4 bytes.
     Bytes4,
+    /// No sum but the CRC-32 of ITU-T V.42, 4 bytes: implementations of Edition 4 have it.
+    Crc32,
 }
 
 impl Sum {
@@ -36,7 +38,15 @@ impl Sum {
         match self {
             Self::None => 0,
             Self::Bytes2 => 2,
-            Self::Bytes4 => 4,
+            Self::Bytes4 | Self::Crc32 => 4,
+        }
+    }
+
+    /// Its value. The sum of 544 bytes needs no more than 18 bits.
+    fn of(self, bytes: &[u8]) -> u32 {
+        match self {
+            Self::None | Self::Bytes2 | Self::Bytes4 => bytes.iter().copied().map(u32::from).sum(),
+            Self::Crc32 => crc_32(bytes),
         }
     }
 
@@ -45,6 +55,7 @@ impl Sum {
             Self::None => 0,
             Self::Bytes2 => 1,
             Self::Bytes4 => 2,
+            Self::Crc32 => 3,
         }
     }
 }
@@ -104,7 +115,7 @@ impl Header {
             rest = after;
         }
         let (body, end) = whole.split_at_mut_checked(body)?;
-        let sum = sum_of(body).to_be_bytes();
+        let sum = self.sum.of(body).to_be_bytes();
         end.copy_from_slice(sum.get(sum.len() - end.len()..)?);
         Some(whole.len())
     }
@@ -142,13 +153,14 @@ impl<'a> Frame<'a> {
             (Header::EDITION_3 | Header::EDITION_4, 0) => Sum::None,
             (Header::EDITION_3, 1) => Sum::Bytes2,
             (Header::EDITION_3, 2) => Sum::Bytes4,
+            (Header::EDITION_4, 3) => Sum::Crc32,
             (Header::EDITION_3 | Header::EDITION_4, _) => return Err(Refusal::SumCode),
             _ => return Err(Refusal::Idd(idd)),
         };
         let body_length = WRAPPER + usize::from(length);
         let (body, rest) = bytes.split_at_checked(body_length).ok_or(Refusal::Short)?;
         let (end, rest) = rest.split_at_checked(sum.length()).ok_or(Refusal::Short)?;
-        let expected = sum_of(body).to_be_bytes();
+        let expected = sum.of(body).to_be_bytes();
         if !expected.ends_with(end) {
             return Err(Refusal::Sum);
         }
@@ -165,7 +177,15 @@ impl<'a> Frame<'a> {
     }
 }
 
-/// The sum of all bytes: of 544 of them at most, so it needs no more than 18 bits.
-fn sum_of(bytes: &[u8]) -> u32 {
-    bytes.iter().copied().map(u32::from).sum()
+/// The polynomial of ITU-T V.42, lowest bit first.
+const V_42: u32 = 0xEDB8_8320;
+
+/// Bit by bit: nobody asks for it often.
+fn crc_32(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0, |crc, &byte| {
+        (0..8).fold(crc ^ u32::from(byte), |crc, _| match crc & 1 {
+            0 => crc >> 1,
+            _ => crc >> 1 ^ V_42,
+        })
+    })
 }

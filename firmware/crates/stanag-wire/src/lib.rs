@@ -31,7 +31,8 @@
 //! assert_eq!(values.unsigned(0), Some(849_163_200_123));
 //! ```
 //!
-//! *Limits.* Edition 3's IDD 30 and its sums; of Edition 4 only frames without a checksum can be read.
+//! *Limits.* Edition 3's IDD 30 and its sums; of Edition 4 frames without a checksum or with the CRC-32 that its
+//! implementations send.
 //! The sum is weak: two bytes that change places always pass. *Sources.* The sections that the package
 //! `synapse-cdm` 3.9.1 quotes, and its decoder, which accepts the frames of the tests.
 #![no_std]

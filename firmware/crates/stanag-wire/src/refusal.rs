@@ -13,7 +13,7 @@ pub enum Refusal {
     Length(u16),
     /// An IDD version that is not read here: 40 in a frame of an edition that does not exist yet.
     Idd(u8),
-    /// Checksum code 11, which Edition 3 does not assign.
+    /// A checksum code that the edition does not have.
     SumCode,
     /// The sum is another one.
     Sum,
@@ -28,7 +28,7 @@ impl fmt::Display for Refusal {
             Self::Short => f.write_str("the frame is cut off"),
             Self::Length(length) => write!(f, "{length} bytes of data, allowed are 1 to 528"),
             Self::Idd(idd) => write!(f, "IDD version {idd} is not spoken here"),
-            Self::SumCode => f.write_str("a checksum that Edition 3 does not have"),
+            Self::SumCode => f.write_str("a checksum that this edition does not have"),
             Self::Sum => f.write_str("the sum is wrong"),
             Self::Data => f.write_str("the length is not what the presence vector says"),
         }

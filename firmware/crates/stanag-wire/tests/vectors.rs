@@ -3,7 +3,7 @@
 use stanag_wire::{Frame, Header, Layout, NodeId, Refusal, Sum};
 
 /// Frames that the decoder of `synapse-cdm` 3.9.1 accepts, and a datagram of two.
-const GOOD: [&str; 11] = [
+const GOOD: [&str; 12] = [
     "ffff000600504301ffffffff3e821e0001c5b612267b",
     "ffff000600504301ffffffff3e821e4001c5b612267b09e1",
     "ffff000600504301ffffffff3e821e8001c5b612267b00000a21",
@@ -15,6 +15,8 @@ const GOOD: [&str; 11] = [
     "ffff001a00504301ffffffff0fa01e400000ffc5b612267b1a85958f5a74459400177003001effd8000210cd",
     "ffff000d00505f0100504301cb201e4007c5b612267b06f855000000070827",
     "ffff0020070001010700ff010fa01e400038ffc16d0ea36028e5bd760f8fdc520124f80304d802bcffce0222011114e81176",
+    // Edition 4's with its CRC: as implementations have it, out of no one's decoder.
+    "ffff000600504301ffffffff3e8220c001c5b612267b03380d79",
 ];
 
 fn bytes(hex: &str) -> Vec<u8> {
@@ -93,9 +95,13 @@ fn each_refusal_has_its_reason() {
             "322e350000000000000000000000000007d10000000500000001ffffffff48656c6c6f00000763".into(),
             Refusal::NoWrapper,
         ),
-        // Edition 4's with its CRC.
+        // Edition 4's with another CRC, and with a sum.
         (
-            "ffff000600504301ffffffff3e8220c001c5b612267b03380d79".into(),
+            "ffff000600504301ffffffff3e8220c001c5b612267b03380d78".into(),
+            Refusal::Sum,
+        ),
+        (
+            "ffff000600504301ffffffff3e82204001c5b612267b09e3".into(),
             Refusal::SumCode,
         ),
     ] {

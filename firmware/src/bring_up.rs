@@ -7,7 +7,7 @@
 
 use cortex_m::peripheral::NVIC;
 use sample_log::SampleLog;
-use stm32f4xx_hal::gpio::{Input, PD4, PinState};
+use stm32f4xx_hal::gpio::{Input, PD4, PD12, PinState};
 use stm32f4xx_hal::pac::{self, Interrupt};
 use stm32f4xx_hal::prelude::*;
 
@@ -22,7 +22,7 @@ use crate::{board, executors, fault, priorities, sample_memory};
 
 /// What the tasks use of a board.
 pub struct Hardware {
-    /// The receiver's line, and MAVLink's.
+    /// The receiver's line, and MAVLink's two.
     pub lines: Lines,
     /// The receiver's time pulse, on AUX5.
     pub pulse: Pulse,
@@ -32,8 +32,8 @@ pub struct Hardware {
     pub card: Option<Card>,
     /// The amber LED.
     pub led: Led,
-    /// TELEM1's RTS, held high by a resistor.
-    pub ready: PD4<Input>,
+    /// RTS of TELEM1 and of TELEM2, held high by resistors.
+    pub ready: (PD4<Input>, PD12<Input>),
 }
 
 /// Brings the board up, once.
@@ -49,9 +49,12 @@ pub fn bring_up() -> Hardware {
     let mut rcc = chip.RCC.constrain();
     let gpioa = chip.GPIOA.split(&mut rcc);
     let gpiod = chip.GPIOD.split(&mut rcc);
-    // The radio's CTS has a level before the radio has power, but none that is driven.
-    let ready = gpiod.pd4.into_pull_up_input();
-    // nVDD_5V_PERIPH_EN feeds the receiver and the telemetry radio.
+    // A radio's CTS has a level before the radio has power, but none that is driven.
+    let ready = (
+        gpiod.pd4.into_pull_up_input(),
+        gpiod.pd12.into_pull_up_input(),
+    );
+    // nVDD_5V_PERIPH_EN feeds the receiver and the telemetry radios.
     let _powered = gpioa.pa8.into_push_pull_output_in_state(PinState::Low);
     let Ok(mut rcc) = board::clocks(rcc) else {
         fault::crystal_failed()
@@ -72,9 +75,10 @@ pub fn bring_up() -> Hardware {
     // SAFETY: every interrupt that is enabled has its handler and its priority.
     unsafe { cortex_m::interrupt::enable() };
     let lines = lines::start(
-        (chip.UART4, chip.USART2),
+        (chip.UART4, chip.USART2, chip.USART3),
         (gpioa.pa0, gpioa.pa1),
         (gpiod.pd5, gpiod.pd6),
+        (gpiod.pd8, gpiod.pd9),
         &mut rcc,
     );
     let pulse = pulse::start(chip.TIM4, gpiod.pd13, &mut rcc);
@@ -103,6 +107,7 @@ fn set_priorities(nvic: &mut NVIC) {
     for (interrupt, priority) in [
         (Interrupt::UART4, priorities::SERIAL),
         (Interrupt::USART2, priorities::SERIAL),
+        (Interrupt::USART3, priorities::SERIAL),
         (Interrupt::TIM4, priorities::PULSE),
         (executors::HIGH_INTERRUPT, priorities::EXECUTOR_HIGH),
         (executors::LOW_INTERRUPT, priorities::EXECUTOR_LOW),

@@ -11,7 +11,10 @@ use ubx_link::Setting;
 
 use crate::not_saved::NotSaved;
 
-static EVENTS: Channel<CriticalSectionRawMutex, ClockEvent, 8> = Channel::new();
+/// Events that have room.
+pub const ROOM: usize = 8;
+
+static EVENTS: Channel<CriticalSectionRawMutex, ClockEvent, ROOM> = Channel::new();
 
 /// What a person at a ground station is to know.
 #[derive(Clone, Copy)]

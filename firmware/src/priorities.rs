@@ -27,7 +27,7 @@ pub const TICK: u8 = match VARIANT {
     Variant::Pixclock { .. } | Variant::PaperStep2 { .. } => 0x00,
     Variant::PaperDefault | Variant::PaperStep1 => NUTTX,
 };
-/// UART4 and USART2, which stamp and store bytes.
+/// UART4, USART2 and USART3, which stamp and store bytes.
 pub const SERIAL: u8 = ours_or(0x10, NUTTX);
 /// PendSV, which wakes tasks for due timers and for bytes in their ring.
 pub const ALARM: u8 = ours_or(0x20, NUTTX);

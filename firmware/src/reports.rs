@@ -19,8 +19,11 @@ use crate::not_saved::NotSaved;
 /// The last report of the GNSS task.
 pub static GNSS: Latest<GnssReport> = Latest::new();
 
-/// The last report of the MAVLink task.
-pub static MAVLINK: Latest<MavlinkReport> = Latest::new();
+/// MAVLink's links: TELEM1 and TELEM2.
+pub const LINKS: usize = 2;
+
+/// The last report of the MAVLink task, by link.
+pub static MAVLINK: Latest<[LinkReport; LINKS]> = Latest::new();
 
 /// What has gone wrong with the card, as of its last use.
 pub static CARD: Latest<CardReport> = Latest::new();
@@ -64,9 +67,9 @@ pub struct ReceiverReport {
     pub fix: Option<(Cycles, Fix)>,
 }
 
-/// What the MAVLink task has counted.
+/// What the MAVLink task has counted on one link.
 #[derive(Clone, Copy)]
-pub struct MavlinkReport {
+pub struct LinkReport {
     /// Frames and requests.
     pub node: mavlink_node::Counters,
     /// Errors of the line itself.

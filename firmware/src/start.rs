@@ -36,7 +36,7 @@ fn main() -> ! {
     } else {
         spawn(&high, gnss::run(lines.gnss, pulse));
     }
-    spawn(&high, mavlink::run(lines.mavlink));
+    spawn(&high, mavlink::run([lines.telem1, lines.telem2]));
     let low = executors::start_low();
     spawn(&low, led::run(led));
     spawn(&low, status::run());

@@ -22,7 +22,7 @@
 use core::cell::{Cell, UnsafeCell};
 use core::future::poll_fn;
 use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering::Relaxed};
-use core::task::Poll;
+use core::task::{Context, Poll};
 
 use cortex_m::peripheral::NVIC;
 use critical_section::Mutex;
@@ -280,15 +280,17 @@ pub struct Reader {
 impl Reader {
     /// Waits until bytes are there: see [`Line::wake_reader`].
     pub async fn wait(&mut self) {
-        poll_fn(|context| {
-            self.line.reader.register(context.waker());
-            if self.line.incoming.len() == 0 {
-                Poll::Pending
-            } else {
-                Poll::Ready(())
-            }
-        })
-        .await;
+        poll_fn(|context| self.poll_wait(context)).await;
+    }
+
+    /// The same, for a task that waits for more than one line.
+    pub fn poll_wait(&mut self, context: &Context<'_>) -> Poll<()> {
+        self.line.reader.register(context.waker());
+        if self.line.incoming.len() == 0 {
+            Poll::Pending
+        } else {
+            Poll::Ready(())
+        }
     }
 
     /// How many bytes are there now.

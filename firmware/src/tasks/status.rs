@@ -12,7 +12,7 @@ use utc_clock::{ClockState, Reading};
 
 use crate::drivers::time;
 use crate::logger;
-use crate::reports::{CARD, CardReport, GNSS, GnssReport, MAVLINK, MavlinkReport};
+use crate::reports::{CARD, CardReport, GNSS, GnssReport, LINKS, LinkReport, MAVLINK};
 use crate::settings::VARIANT;
 use crate::{clock, stack};
 
@@ -47,7 +47,7 @@ fn log(stack: u32) {
         reading.leap_seconds_known,
         clock.accepted,
         clock.refused(),
-        mavlink.map(|report| report.node.pings).unwrap_or_default(),
+        mavlink.map_or(0, |links| links.iter().map(|link| link.node.pings).sum()),
         time::lost_ticks(),
         stack,
         Clock(clock),
@@ -66,12 +66,28 @@ macro_rules! nonzero {
     };
 }
 
+/// The same with ` link_key=count`.
+macro_rules! nonzero_of {
+    ($link:ident, $f:ident, $counters:expr, { $($key:literal: $field:ident,)+ }) => {
+        let counters = $counters;
+        $(count_of($f, $link, defmt::intern!($key), counters.$field);)+
+    };
+}
+
 /// Writes ` key=count` if it is not 0. Not inlined, because there are dozens of calls. The key is an
 /// index into the image's strings, two bytes of the frame and none of the flash.
 #[inline(never)]
 fn count(f: Formatter, key: defmt::Str, count: u32) {
     if count != 0 {
         defmt::write!(f, " {=istr}={=u32}", key, count);
+    }
+}
+
+/// The same with ` link_key=count`.
+#[inline(never)]
+fn count_of(f: Formatter, link: defmt::Str, key: defmt::Str, count: u32) {
+    if count != 0 {
+        defmt::write!(f, " {=istr}_{=istr}={=u32}", link, key, count);
     }
 }
 
@@ -155,38 +171,40 @@ impl Format for Gnss {
     }
 }
 
-/// What came over the MAVLink line.
-struct Mavlink(Option<MavlinkReport>);
+/// What came over the MAVLink links, the keys of each with a word of its own before them.
+struct Mavlink(Option<[LinkReport; LINKS]>);
 
 impl Format for Mavlink {
     fn format(&self, f: Formatter) {
-        let Some(report) = self.0 else { return };
-        nonzero!(f, report.node, {
-            "mav_timesyncs": timesyncs,
-            "mav_commands": commands,
-            "mav_parameters": parameters,
-            "mav_logs": logs,
-            "mav_missing": missing,
-            "mav_unknown": unknown,
-            "mav_answers": answers,
-            "mav_for_others": for_others,
-            "mav_from_nobody": from_nobody,
-        });
-        nonzero!(f, report.node.framing, {
-            "mav_crc_failures": crc_failures,
-            "mav_abandoned": abandoned,
-            "mav_unknown_flags": unknown_flags,
-            "mav_signed": signed,
-            "mav_claimed": claimed,
-            "mav_foreign_bytes": foreign_bytes,
-        });
-        nonzero!(f, report.line, {
-            "mav_overrun": overrun,
-            "mav_framing": framing,
-            "mav_noise": noise,
-            "mav_incoming_full": incoming_full,
-            "mav_outgoing_full": outgoing_full,
-        });
+        let names = [defmt::intern!("mav"), defmt::intern!("mav2")];
+        for (link, report) in names.into_iter().zip(self.0.iter().flatten()) {
+            nonzero_of!(link, f, report.node, {
+                "timesyncs": timesyncs,
+                "commands": commands,
+                "parameters": parameters,
+                "logs": logs,
+                "missing": missing,
+                "unknown": unknown,
+                "answers": answers,
+                "for_others": for_others,
+                "from_nobody": from_nobody,
+            });
+            nonzero_of!(link, f, report.node.framing, {
+                "crc_failures": crc_failures,
+                "abandoned": abandoned,
+                "unknown_flags": unknown_flags,
+                "signed": signed,
+                "claimed": claimed,
+                "foreign_bytes": foreign_bytes,
+            });
+            nonzero_of!(link, f, report.line, {
+                "overrun": overrun,
+                "framing": framing,
+                "noise": noise,
+                "incoming_full": incoming_full,
+                "outgoing_full": outgoing_full,
+            });
+        }
     }
 }
 

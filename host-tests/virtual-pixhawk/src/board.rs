@@ -34,9 +34,12 @@ const HSE_HZ: u64 = 24_000_000;
 const CORE_PER_HSE: u64 = 7;
 /// The regulated supply, in mV.
 const SUPPLY_MV: u32 = 3_300;
-/// Where UART4 (GPS) and USART2 (TELEM1) stand among the part's serial ports.
+/// Where UART4 (GPS), USART2 (TELEM1) and USART3 (TELEM2) stand among the part's serial ports.
 pub(crate) const GPS: usize = 6;
 pub(crate) const TELEM1: usize = 1;
+pub(crate) const TELEM2: usize = 2;
+/// All of them.
+pub(crate) const PORTS: [usize; 3] = [GPS, TELEM1, TELEM2];
 
 /// How many cycles the core takes for an instruction, the same for each.
 ///
@@ -85,6 +88,7 @@ pub(crate) struct Pixhawk1 {
 pub(crate) struct Plugged {
     pub(crate) gps: Wire,
     pub(crate) telem1: Wire,
+    pub(crate) telem2: Wire,
     /// On AUX5.
     pub(crate) pulse: PulseWire,
     pub(crate) card: Option<Card>,
@@ -107,6 +111,7 @@ impl Pixhawk1 {
         mcu.set_supply(SUPPLY_MV);
         mcu.usart[GPS].attach(plugged.gps);
         mcu.usart[TELEM1].attach(plugged.telem1);
+        mcu.usart[TELEM2].attach(plugged.telem2);
         mcu.sdio.attach(Slot(plugged.card));
         Ok(Self {
             mcu,

@@ -19,7 +19,7 @@ use rigless::soc::stm32f427::generated::usart6::{Register, cr1};
 use rigless::time::VirtualNanos;
 use world::WorldNanos;
 
-use crate::board::{GPS, Pixhawk1, TELEM1};
+use crate::board::{PORTS, Pixhawk1};
 use crate::image::Firmware;
 use crate::rtt::Rtt;
 use crate::wire::{PortSetting, Wire};
@@ -103,10 +103,10 @@ impl Operator {
         }
     }
 
-    /// Brings both far ends to `now`; whether a port has to be asked again.
+    /// Brings the far ends to `now`; whether a port has to be asked again.
     fn prepare_wires(session: &mut Session<Pixhawk1>, now: WorldNanos) -> bool {
         let mut ask_now = false;
-        for nth in [GPS, TELEM1] {
+        for nth in PORTS {
             let board = session.board_mut();
             let (rcc, registers) = board.mcu.clocks();
             let clock_hz = rcc.pclk1(registers);
@@ -131,7 +131,7 @@ impl Operator {
     fn next_stop(session: &mut Session<Pixhawk1>, now: WorldNanos) -> Option<WorldNanos> {
         let board = session.board_mut();
         let pulse = board.pulse.next_stop(now);
-        [GPS, TELEM1]
+        PORTS
             .into_iter()
             .filter_map(|nth| board.wire(nth)?.next_stop(now))
             .chain(pulse)

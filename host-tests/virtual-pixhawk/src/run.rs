@@ -23,7 +23,7 @@ use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 use world::{Pulse, Receiver, Sent, Talker, WorldNanos};
 
-use crate::board::{CyclesPerInstruction, GPS, Pixhawk1, Plugged, TELEM1};
+use crate::board::{CyclesPerInstruction, GPS, Pixhawk1, Plugged, TELEM1, TELEM2};
 use crate::bootloader::Bootloader;
 use crate::card::Card;
 use crate::gaps::Gaps;
@@ -49,13 +49,19 @@ pub enum Connector {
     Gps,
     /// TELEM1: USART2, where MAVLink is spoken.
     Telem1,
+    /// TELEM2: USART3, another link of MAVLink's.
+    Telem2,
 }
 
 impl Connector {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Gps, Self::Telem1, Self::Telem2];
+
     const fn port(self) -> usize {
         match self {
             Self::Gps => GPS,
             Self::Telem1 => TELEM1,
+            Self::Telem2 => TELEM2,
         }
     }
 }
@@ -69,6 +75,7 @@ pub struct Builder {
     pace: CyclesPerInstruction,
     gps: Box<dyn Talker + Send>,
     telem1: Box<dyn Talker + Send>,
+    telem2: Box<dyn Talker + Send>,
     pulse: PulseWire,
     card: Option<Card>,
 }
@@ -103,6 +110,7 @@ impl Builder {
             }),
             gps: Box::new(Script::default()),
             telem1: Box::new(Script::default()),
+            telem2: Box::new(Script::default()),
             pulse: PulseWire::new(std::iter::empty()),
             card: None,
         }
@@ -158,6 +166,13 @@ impl Builder {
         self
     }
 
+    /// Puts `station` on TELEM2.
+    #[must_use]
+    pub fn telem2(mut self, station: impl Talker + Send + 'static) -> Self {
+        self.telem2 = Box::new(station);
+        self
+    }
+
     /// Puts these pulses, in the order of their edges, on AUX5.
     #[must_use]
     pub fn pulse(mut self, pulses: impl Iterator<Item = Pulse> + Send + 'static) -> Self {
@@ -186,6 +201,7 @@ impl Builder {
             pace,
             gps,
             telem1,
+            telem2,
             pulse,
             card,
         } = self;
@@ -198,6 +214,7 @@ impl Builder {
             Plugged {
                 gps: Wire::new(gps),
                 telem1: Wire::new(telem1),
+                telem2: Wire::new(telem2),
                 pulse,
                 card,
             },

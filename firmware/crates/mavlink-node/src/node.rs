@@ -360,6 +360,12 @@ impl Node {
         }
     }
 
+    /// The log is another one now, at the request of somebody on another line: what was requested of the one
+    /// before is given up.
+    pub const fn handle_new_log(&mut self) {
+        self.log.end();
+    }
+
     /// Whether [`Self::poll`] has something to send.
     #[must_use]
     pub const fn has_more(&self) -> bool {

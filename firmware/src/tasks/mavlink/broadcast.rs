@@ -1,28 +1,43 @@
 //! What is sent once a second without being asked for.
 
+use heapless::Vec;
 use mavlink_node::{Node, Plotted};
 use timebase::{CORE_HZ, ClockState};
 use utc_clock::{Reading, SecondProof, Source};
 
+use super::link::Link;
 use super::words;
+use crate::clock;
+use crate::clock_events::{self, ClockEvent};
 use crate::drivers::time;
 use crate::drivers::uart::Writer;
 use crate::reports::{GNSS, GnssReport};
 use crate::settings::VARIANT;
-use crate::{clock, clock_events};
 
 /// A solution is sent for this time after its arrival, in cycles: 2 s. Later the receiver counts as
 /// silent.
 const FIX_LASTS: i64 = 2 * CORE_HZ as i64;
 
-/// HEARTBEAT, SYSTEM_TIME, GPS_RAW_INT, what is plotted, and a STATUSTEXT for each event.
+/// What happened since the second before, for all links.
+type News = Vec<ClockEvent, { clock_events::ROOM }>;
+
+/// HEARTBEAT, SYSTEM_TIME, GPS_RAW_INT, what is plotted, and a STATUSTEXT for each event, on every link.
 #[inline(never)]
-pub fn once_a_second(node: &mut Node, writer: &mut Writer) {
+pub fn once_a_second(links: &mut [Link]) {
+    let report = GNSS.get();
+    let news: News = core::iter::from_fn(clock_events::poll)
+        .take(clock_events::ROOM)
+        .collect();
+    for link in links {
+        broadcast(&mut link.node, &mut link.writer, report.as_ref(), &news);
+    }
+}
+
+fn broadcast(node: &mut Node, writer: &mut Writer, report: Option<&GnssReport>, news: &News) {
     let now = time::now();
     // Once a second is soon enough, and spares a timer at every burst of bytes.
     node.handle_timeout(now);
     let (node_time, reading) = clock::node_time_and_reading_at(now);
-    let report = GNSS.get();
     writer.send(&node.heartbeat(node_time));
     writer.send(&node.system_time(node_time, is_reported(reading.state)));
     let recent = report
@@ -34,10 +49,10 @@ pub fn once_a_second(node: &mut Node, writer: &mut Writer) {
     };
     writer.send(&node.gps_raw_int(fix_time, fix.as_ref()));
     for what in Plotted::ALL {
-        writer.send(&node.plot(node_time, what, value(what, &reading, report.as_ref())));
+        writer.send(&node.plot(node_time, what, value(what, &reading, report)));
     }
-    while let Some(event) = clock_events::poll() {
-        let (severity, text) = words::statustext(event);
+    for event in news {
+        let (severity, text) = words::statustext(*event);
         writer.send(&node.statustext(severity, &text));
     }
 }

@@ -1,78 +1,77 @@
-//! The MAVLink task: requests in, answers and broadcasts out.
+//! The MAVLink task: requests in, answers and broadcasts out, on every link.
 //!
-//! *Design.* Answers go into the outgoing ring at once. What takes many frames, the parameters and
-//! the log, follows at the line's own pace: a frame only while the ring is nearly empty, so that
-//! there is room for the answers to all requests that can come in meanwhile.
+//! *Design.* One task has all links, each with a node of its own ([`link`]). Answers go into the
+//! outgoing ring of the link on which they were asked for, at once; what is sent each second goes into all.
+//! What takes many frames, the parameters and the log, follows at the line's own pace: a frame
+//! only while the ring is nearly empty, so that there is room for the answers to all requests that can come
+//! in meanwhile.
 
 mod broadcast;
+mod link;
 mod lookup;
 mod requests;
 mod words;
 
+use core::future::poll_fn;
+use core::task::{Context, Poll};
+
 use embassy_futures::select::{Either3, select3};
 use embassy_time::{Duration, Ticker, Timer};
 use fault_record::Hang;
-use mavlink_node::{Config, Node, PingReply};
-use sample_log::BeginGuard;
 
-use crate::board;
 use crate::drivers::time;
 use crate::drivers::uart::{Reader, Writer};
-use crate::reports::{MAVLINK, MavlinkReport};
+use crate::reports::{LINKS, MAVLINK};
 use crate::supervision::{self, COME_BY};
-use crate::{image_words, settings};
-use lookup::ThisBoard;
+use link::Link;
 
-/// With this many bytes or fewer in the outgoing ring, the next frame of a long answer may follow:
-/// they last 5.5 ms at 115200. 173 bytes at most wait then, of 1023. The rest has room for an answer
-/// to each request in a full incoming ring (19, of 26 bytes each) and for what is kept for a second's
-/// broadcasts.
-const NEXT_BELOW: usize = 64;
-
-/// From look to look at the outgoing ring, less than these bytes last.
+/// From look to look at the outgoing rings while a long answer goes on; less than what such a frame
+/// follows upon lasts.
 const PACE: Duration = Duration::from_millis(5);
 
 /// Runs forever, on the high executor.
 #[embassy_executor::task]
-pub async fn run(line: (Reader, Writer)) {
-    let (mut reader, mut writer) = line;
-    let mut node = Node::new(Config {
-        system_id: image_words::system_id(),
-        component_id: 1,
-        ping_reply: if settings::PING_ECHO {
-            PingReply::Echo
-        } else {
-            PingReply::RtosTime
-        },
-        unique_id: board::unique_id(),
-    });
-    let mut guard = BeginGuard::new();
+pub async fn run(lines: [(Reader, Writer); LINKS]) {
+    let mut links = lines.map(Link::new);
     let mut beat = Ticker::every(Duration::from_secs(1));
     loop {
         supervision::came_by(Hang::Mavlink);
-        let has_more = node.has_more();
+        let has_more = links.iter().any(Link::has_more);
         let pace = Timer::after(if has_more { PACE } else { COME_BY });
-        let woken = select3(reader.wait(), beat.next(), pace).await;
+        let received = poll_fn(|context| poll_any(&mut links, context));
+        let woken = select3(received, beat.next(), pace).await;
         if matches!(woken, Either3::Second(())) {
-            broadcast::once_a_second(&mut node, &mut writer);
-            MAVLINK.set(MavlinkReport {
-                node: node.counters(),
-                line: reader.errors(),
-            });
+            broadcast::once_a_second(&mut links);
+            MAVLINK.set(links.each_ref().map(Link::report));
         }
-        let now = time::now();
-        reader.take(|bytes| {
-            for &byte in bytes {
-                if let Some(request) = node.push(byte, now) {
-                    requests::serve(&mut node, &mut writer, &mut guard, &request);
+        serve_all(&mut links);
+    }
+}
+
+/// Ready when bytes are there on any link; otherwise the task is woken by each.
+fn poll_any(links: &mut [Link], context: &Context<'_>) -> Poll<()> {
+    let waits = links
+        .iter_mut()
+        .map(|link| link.poll_wait(context))
+        .filter(Poll::is_pending)
+        .count();
+    if waits == links.len() {
+        Poll::Pending
+    } else {
+        Poll::Ready(())
+    }
+}
+
+/// Serves each link; a log that one has begun anew is not the one whose transfer another has.
+fn serve_all(links: &mut [Link]) {
+    let now = time::now();
+    for index in 0..links.len() {
+        if links[index].serve(now) {
+            for (other, link) in links.iter_mut().enumerate() {
+                if other != index {
+                    link.handle_new_log();
                 }
             }
-        });
-        while node.has_more()
-            && writer.waiting() <= NEXT_BELOW
-            && let Some(frame) = node.poll(&ThisBoard)
-        {
-            writer.send(&frame);
         }
     }
 }

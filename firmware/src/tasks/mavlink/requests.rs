@@ -14,9 +14,15 @@ use crate::samples::SAMPLES;
 /// 233 of them in MAVLink 2, and has its place under any number of requests.
 const KEPT: usize = 256;
 
-/// Does what is asked, and answers.
+/// Does what is asked, and answers; whether the log is another one now.
 #[inline(never)]
-pub fn serve(node: &mut Node, writer: &mut Writer, guard: &mut BeginGuard, request: &Request) {
+pub fn serve(
+    node: &mut Node,
+    writer: &mut Writer,
+    guard: &mut BeginGuard,
+    request: &Request,
+) -> bool {
+    let mut is_new_log = false;
     let (time, reading) = clock::node_time_and_reading_at(request.arrival);
     let mut request = *request;
     match &mut request.kind {
@@ -24,12 +30,16 @@ pub fn serve(node: &mut Node, writer: &mut Writer, guard: &mut BeginGuard, reque
             if let Ok(Order::Test(test)) = *meaning {
                 if may_obey(guard, test, request.arrival) {
                     SAMPLES.handle_test(test);
+                    is_new_log = test == Test::Begins;
                 } else {
                     *meaning = Err(Refusal::NotYet);
                 }
             }
         }
-        RequestKind::EraseLog => SAMPLES.with(SampleLog::clear),
+        RequestKind::EraseLog => {
+            SAMPLES.with(SampleLog::clear);
+            is_new_log = true;
+        }
         RequestKind::Ping { .. } | RequestKind::TimeSync { .. } => {}
     }
     let is_answered = writer.send_leaving(&node.answer(&request, time), KEPT);
@@ -38,6 +48,7 @@ pub fn serve(node: &mut Node, writer: &mut Writer, guard: &mut BeginGuard, reque
     {
         record(time_usec, seq, time.rtos_ns(), reading);
     }
+    is_new_log
 }
 
 /// Whether no samples are lost by a command, and it has a log to act on.

@@ -19,6 +19,8 @@ mod faults;
 #[cfg(test)]
 mod flood;
 #[cfg(test)]
+mod links;
+#[cfg(test)]
 mod log;
 #[cfg(test)]
 mod masks;

@@ -72,7 +72,7 @@ impl Life {
                 if self.board.now() >= next_second {
                     seconds += 1;
                     // The wires keep what the board has sent until it is taken: nobody asks here.
-                    for connector in [Connector::Gps, Connector::Telem1] {
+                    for connector in Connector::ALL {
                         self.board.take_received(connector)?;
                     }
                     let (at_s, sample) = (seconds, self.sample()?);

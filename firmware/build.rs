@@ -9,7 +9,7 @@ use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::{env, fs};
 
-use variant::Variant;
+use variant::{Load, Variant};
 
 /// How a PING is answered: with the board's time (the default), or as the MAVLink guide's echo.
 const PINGS: [&str; 2] = ["rtos", "echo"];
@@ -99,7 +99,26 @@ fn settings() -> String {
         "From a solution's epoch to its message's first byte (`PIXCLOCK_LATENCY_US`). [ns]",
         &format!("LATENCY_NS: u32 = {}", latency_us * 1_000),
     );
+    if let Some(load) = load() {
+        println!("cargo:rustc-cfg=loaded");
+        constant(
+            &mut settings,
+            "What else keeps the core busy (`PIXCLOCK_LOAD`).",
+            &format!("LOAD: &str = \"{load}\""),
+        );
+    }
     settings
+}
+
+/// The load beside the clock, if there is to be one: without the setting the image has nothing of it.
+fn load() -> Option<Load> {
+    println!("cargo:rerun-if-env-changed=PIXCLOCK_LOAD");
+    println!("cargo:rustc-check-cfg=cfg(loaded)");
+    let text = env::var("PIXCLOCK_LOAD").ok()?;
+    match text.parse() {
+        Ok(load) => Some(load),
+        Err(refusal) => panic!("PIXCLOCK_LOAD is `{text}`: {refusal}"),
+    }
 }
 
 /// An old name would otherwise be ignored, and the image would be another one than was meant.

@@ -82,6 +82,8 @@ pub fn bring_up() -> Hardware {
         &mut rcc,
     );
     let pulse = pulse::start(chip.TIM4, gpiod.pd13, &mut rcc);
+    #[cfg(loaded)]
+    crate::load::start(chip.TIM2, chip.TIM3, &mut core.NVIC, &mut rcc);
     let card = board::HAS_CARD_SLOT.then(|| {
         let pins = Pins {
             data: (gpioc.pc8, gpioc.pc9, gpioc.pc10, gpioc.pc11),
@@ -111,6 +113,8 @@ fn set_priorities(nvic: &mut NVIC) {
         (Interrupt::TIM4, priorities::PULSE),
         (executors::HIGH_INTERRUPT, priorities::EXECUTOR_HIGH),
         (executors::LOW_INTERRUPT, priorities::EXECUTOR_LOW),
+        #[cfg(loaded)]
+        (executors::MAVLINK_INTERRUPT, priorities::EXECUTOR_MAVLINK),
     ] {
         // SAFETY: none of these interrupts is enabled yet, and no critical section depends on
         // priorities.

@@ -2,7 +2,7 @@
 //!
 //! *Design.* The GNSS task is the one writer; the clock is read without a lock, from any interrupt.
 //! In the paper's variants the paper's clock stands in its place. NuttX has no other time than the
-//! last tick before a task asks for it, so there every moment becomes that tick.
+//! ticks that it has counted when a task asks for it, so there every moment becomes that.
 
 use mavlink_node::NodeTime;
 use timebase::{ClockState, Cycles};
@@ -42,7 +42,7 @@ pub fn node_time_at(when: Cycles) -> NodeTime {
 #[inline(always)]
 fn moment(when: Cycles) -> Cycles {
     if VARIANT.is_papers() {
-        time::last_tick()
+        time::counted_ticks()
     } else {
         when
     }

@@ -11,6 +11,7 @@
 //! | `PIXCLOCK_SYSTEM_ID` | the MAVLink system id, 1 to 254; the build setting of that name is its value in the file |
 //! | `PIXCLOCK_DATE_FLOOR` | the earliest date that is believed, in days since 1970; 0 is the release's |
 //! | `PIXCLOCK_LEAP_SECONDS` | GPS less UTC for a receiver that does not send it, 1 to 127 s; 0: it has to be proved |
+//! | `PIXCLOCK_LOAD_SEED` | in an image with a load, what it is drawn from |
 //!
 //! *Limits.* A system id outside its range counts as the build setting: a node with the id 0 would
 //! speak as everybody.
@@ -33,6 +34,18 @@ static PIXCLOCK_DATE_FLOOR: u32 = 0;
 #[used]
 #[unsafe(no_mangle)]
 static PIXCLOCK_LEAP_SECONDS: u32 = 0;
+
+/// The same.
+#[cfg(loaded)]
+#[used]
+#[unsafe(no_mangle)]
+static PIXCLOCK_LOAD_SEED: u32 = 1;
+
+/// What the load is drawn from.
+#[cfg(loaded)]
+pub fn load_seed() -> u32 {
+    read(&PIXCLOCK_LOAD_SEED)
+}
 
 /// The MAVLink system id of this board.
 pub fn system_id() -> u8 {

@@ -38,6 +38,8 @@ mod image_words;
 mod latest;
 #[cfg(target_os = "none")]
 mod lines;
+#[cfg(all(target_os = "none", loaded))]
+mod load;
 #[cfg(target_os = "none")]
 mod logger;
 #[cfg(target_os = "none")]

@@ -36,7 +36,11 @@ fn main() -> ! {
     } else {
         spawn(&high, gnss::run(lines.gnss, pulse));
     }
-    spawn(&high, mavlink::run([lines.telem1, lines.telem2]));
+    #[cfg(not(loaded))]
+    let of_mavlink = high;
+    #[cfg(loaded)]
+    let of_mavlink = executors::start_mavlink();
+    spawn(&of_mavlink, mavlink::run([lines.telem1, lines.telem2]));
     let low = executors::start_low();
     spawn(&low, led::run(led));
     spawn(&low, status::run());
@@ -69,6 +73,8 @@ fn log_identity() {
             NVIC::get_priority(executors::LOW_INTERRUPT)
         );
     }
+    #[cfg(loaded)]
+    crate::load::log_identity();
 }
 
 /// The alarm's exception, with the place of its frame: there it is seen what was interrupted.

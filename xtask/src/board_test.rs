@@ -5,7 +5,7 @@
 //! (`docs/timing.md`).
 
 use anyhow::Result;
-use variant::{Image, TICKS_US, Variant};
+use variant::{Image, Load, TICKS_US, Variant};
 
 use crate::image::{self, Board, Build, cargo};
 
@@ -14,6 +14,13 @@ const PACES: [&str; 2] = ["1.0", "1.6"];
 
 /// The variable in which the virtual board looks for its pace.
 const PACE_VARIABLE: &str = "PIXCLOCK_CYCLES_PER_INSTRUCTION";
+
+/// The variants that are also tested under a load, and how much of the core that takes. \[%\]
+const LOADED: [(Variant, u8); 3] = [
+    (Variant::STANDARD, 60),
+    (Variant::PaperStep2 { tick_us: 50 }, Load::PX4_PERCENT),
+    (Variant::PaperTickOnly { tick_us: 50 }, Load::PX4_PERCENT),
+];
 
 /// Builds the image at every tick setting and in the paper's variants, and runs the tests on them, at
 /// `paces` or at [`PACES`].
@@ -42,10 +49,22 @@ pub fn run(paces: &[String], arguments: &[String]) -> Result<()> {
         tests.env(variable(variant, ""), built(Image::of(variant))?);
     }
     let slower = Image {
-        variant: Variant::PaperDefault,
         gps_baud: 38_400,
+        ..Image::of(Variant::PaperDefault)
     };
     tests.env(variable(slower.variant, "_38400BD"), built(slower)?);
+    for (variant, percent) in LOADED {
+        let image = Image {
+            load: Load::of(percent),
+            ..Image::of(variant)
+        };
+        let ending = format!("_LOAD_{percent}");
+        let name = match variant {
+            Variant::STANDARD => format!("PIXCLOCK_IMAGE{ending}"),
+            papers => variable(papers, &ending),
+        };
+        tests.env(name, built(image)?);
+    }
     tests.args(arguments);
     let paces: Vec<&str> = match paces {
         [] => PACES.to_vec(),

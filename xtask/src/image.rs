@@ -58,7 +58,11 @@ impl Build {
 
 impl fmt::Display for Build {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Image { variant, gps_baud } = self.image;
+        let Image {
+            variant,
+            gps_baud,
+            load,
+        } = self.image;
         write!(f, "{}-", self.board)?;
         if !matches!(variant, Variant::Pixclock { .. }) {
             write!(f, "{}-", variant.name())?;
@@ -66,6 +70,9 @@ impl fmt::Display for Build {
         write!(f, "{}us", variant.tick_us())?;
         if gps_baud != Image::GPS_BAUD {
             write!(f, "-{gps_baud}bd")?;
+        }
+        if let Some(load) = load {
+            write!(f, "-load-{}", load.to_string().replace(',', "-"))?;
         }
         if self.bench {
             write!(f, "-bench")?;
@@ -112,12 +119,20 @@ pub fn build(build: Build) -> Result<PathBuf> {
     if build.bench {
         features.push_str(",bench");
     }
-    let Image { variant, gps_baud } = build.image;
+    let Image {
+        variant,
+        gps_baud,
+        load,
+    } = build.image;
     let folder = folder()?;
     // All images leave cargo under the same name. Unlocked when it is dropped.
     let lock = File::create(folder.join("lock"))?;
     lock.lock()?;
-    run(cargo()
+    let mut cargo = cargo();
+    if let Some(load) = load {
+        cargo.env("PIXCLOCK_LOAD", load.to_string());
+    }
+    run(cargo
         .args(["build", "--quiet", "--release", "--package", "firmware"])
         .args(["--target", TARGET, "--no-default-features"])
         .args(["--features", &features])

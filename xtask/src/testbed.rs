@@ -19,7 +19,7 @@ use std::process::{Command, ExitCode};
 use anyhow::{Result, bail};
 use clap::error::ErrorKind;
 use clap::{Args as _, Command as Clap};
-use testbed::{Boards, Method, Options, Place, Results, progress};
+use testbed::{Boards, Case, Options, Place, Results, progress};
 use variant::Image;
 
 use crate::ctrl_c;
@@ -37,6 +37,11 @@ use board::Connected;
 pub fn run(options: &Options, arguments: &[String]) -> Result<ExitCode> {
     if options.one_line && !matches!(options.boards, Boards::At(_)) {
         wrong_usage("--one-line is about the wiring of real boards: name them with --boards");
+    }
+    if options.has_load() && options.boards != Boards::Virtual {
+        wrong_usage(
+            "--load is for virtual boards; a real one has the load that it is built with (PIXCLOCK_LOAD)",
+        );
     }
     match &options.boards {
         Boards::Virtual => on_virtual_boards(options, arguments),
@@ -59,11 +64,11 @@ fn build(board: Board, image: Image) -> Result<PathBuf> {
     })
 }
 
-/// The images of `methods`, each once.
-fn images(methods: &[Method], boards: usize) -> Vec<Image> {
+/// The images of `cases`, each once.
+fn images(cases: &[Case], boards: usize) -> Vec<Image> {
     let mut images = Vec::new();
-    for method in methods {
-        for image in (0..boards).map(|index| method.image(index)) {
+    for case in cases {
+        for image in (0..boards).map(|index| case.image(index)) {
             if !images.contains(&image) {
                 images.push(image);
             }
@@ -75,7 +80,7 @@ fn images(methods: &[Method], boards: usize) -> Vec<Image> {
 fn on_virtual_boards(options: &Options, arguments: &[String]) -> Result<ExitCode> {
     let mut command = Command::new(tool::build("testbed")?);
     command.args(arguments);
-    for image in images(&options.methods(), options.crystals.ppb.len()) {
+    for image in images(&options.cases(), options.crystals.ppb.len()) {
         let path = build(Board::Pixhawk1, image)?;
         command
             .arg("--image")
@@ -184,7 +189,7 @@ fn connect(options: &Options, addresses: &[Address]) -> Result<Vec<Connected>> {
 fn conditions(options: &Options, boards: &str) -> Vec<(&'static str, String)> {
     let mut conditions = vec![("boards", boards.to_owned())];
     if options.boards == Boards::Qemu {
-        conditions.push(("receivers", options.receiver.title().to_owned()));
+        conditions.push(("receivers", options.first_receivers().title().to_owned()));
     }
     if options.one_line {
         conditions.push((

@@ -178,9 +178,15 @@ pub fn now() -> Cycles {
     tick::now(&Registers)
 }
 
-/// The last tick: the time since boot in whole ticks, as NuttX has it.
+/// The last tick that has passed, whether it had an interrupt or not.
 pub fn last_tick() -> Cycles {
     tick::last_tick(&Registers)
+}
+
+/// The time since boot in whole ticks, as NuttX has it: the ticks whose interrupt came. What SysTick pends
+/// while it waits is one interrupt, however many periods pass.
+pub fn counted_ticks() -> Cycles {
+    tick::counted_ticks(&Registers)
 }
 
 /// The low word of the time since boot, for interrupts.
@@ -232,7 +238,8 @@ pub fn in_turn<T>(read: impl Fn() -> T) -> ([T; 3], [u32; 2]) {
     })
 }
 
-/// Ticks that were lost while interrupts were masked, and then counted.
+/// Ticks that had no interrupt, because the one before still waited: made good in [`now`], not in
+/// [`counted_ticks`].
 pub fn lost_ticks() -> u32 {
     Registers.load(Word::LostTicks)
 }

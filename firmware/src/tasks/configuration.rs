@@ -25,6 +25,14 @@ impl Configuration {
         }
     }
 
+    /// Of a receiver that is tried at this rate, in baud, where the line is already.
+    pub const fn trying(baud: u32) -> Self {
+        Self {
+            session: Session::trying(baud),
+            is_sending: false,
+        }
+    }
+
     /// Takes a message of the receiver, and lowers how long it may have waited to what is proved.
     #[inline]
     pub fn handle_event(&mut self, now: Cycles, event: &mut Event) {

@@ -4,16 +4,19 @@
 //!
 //! *Design.* `pollOrRead` of PX4's `src/drivers/gps/gps.cpp`: once there are bytes, the task sleeps as
 //! [`Wait`] says, in whole ticks, and reads what is there by then. Each NAV-PVT in it sets the clock as
-//! of the last tick ([`PaperClock`]). Framing and configuration are those of the other variant.
+//! of the last tick ([`PaperClock`]). The default searches the receiver's rate ([`RateSearch`]). Framing and
+//! configuration are those of the other variant.
 //!
-//! *Limits.* What costs a PX4 more is left out, in its favour: its many other tasks; the other
+//! *Limits.* What costs a PX4 more is left out, in its favour: its many other tasks, unless the image has a load; the other
 //! messages that it asks the receiver for; that it sees the DMA's bytes up to 1 ms late. The pulse's
 //! wire is not read.
+
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Instant, Timer};
 use fault_record::Hang;
-use paper_clock::{Outcome, PaperClock, Wait, wakes_at};
+use paper_clock::{Outcome, PaperClock, RateSearch, Wait, wakes_at};
 use timebase::{Cycles, TimeMark};
 use ubx_link::Event;
 use utc_clock::{Ppb, SecondProof};
@@ -29,51 +32,84 @@ use crate::reports::{GNSS, GnssReport};
 use crate::settings::{GPS_BAUD, VARIANT};
 use crate::supervision::{self, no_later};
 
+/// Whether the receiver's rate is searched: the paper sets it from step I on.
+const SEARCHES: bool = matches!(VARIANT, Variant::PaperDefault);
+
+/// The rate of the receiver's line, where it is searched the one that is tried. \[Bd\]
+static BAUD: AtomicU32 = AtomicU32::new(GPS_BAUD);
+
+/// The rate of the receiver's line, where it is searched the one that is tried. \[Bd\]
+pub fn baud() -> u32 {
+    BAUD.load(Relaxed)
+}
+
 /// The wait between poll and read.
-const WAIT: Wait = match VARIANT {
-    Variant::PaperStep1 | Variant::PaperStep2 { .. } => Wait::Constant,
-    Variant::PaperDefault | Variant::Pixclock { .. } => Wait::ForCharacters { baud: GPS_BAUD },
-};
+fn wait() -> Wait {
+    match VARIANT {
+        Variant::PaperStep1 | Variant::PaperStep2 { .. } | Variant::PaperTickOnly { .. } => {
+            Wait::Constant
+        }
+        Variant::PaperDefault | Variant::Pixclock { .. } => Wait::ForCharacters { baud: baud() },
+    }
+}
 
 /// Runs forever, on the high executor.
 #[embassy_executor::task]
 pub async fn run(line: (Reader, Writer)) {
     let mut receiver = Receiver::new(line);
     let mut clock = PaperClock::new();
+    let mut search = RateSearch::new();
     let mut report_due = Cycles::BOOT;
     loop {
         supervision::came_by(Hang::Gnss);
         let now = time::now();
+        if SEARCHES && let Some(baud) = search.poll(now) {
+            receiver.try_rate(baud);
+            BAUD.store(baud, Relaxed);
+        }
         receiver.configure(now);
         if now >= report_due {
             report_due = now.plus(REPORT_EVERY);
             GNSS.set(report(&receiver, &clock));
         }
-        let due = receiver
-            .poll_timeout(now)
-            .unwrap_or(report_due)
-            .min(report_due);
+        let of_search = search.poll_timeout().filter(|_| SEARCHES);
+        let timeouts = [receiver.poll_timeout(now), of_search];
+        let due = timeouts.into_iter().flatten().fold(report_due, Cycles::min);
         let timer = Timer::at(no_later(first_instant_after(due)));
         if let Either::First(()) = select(receiver.wait(), timer).await
-            && let Some(us) = WAIT.before_read(receiver.waiting())
+            && let Some(us) = wait().before_read(receiver.waiting())
         {
-            let wakes_at = wakes_at(time::last_tick(), us, time::TICK_PERIOD);
-            // A tick is a whole number of µs.
-            Timer::at(Instant::from_micros(wakes_at.as_micros())).await;
+            sleep(us).await;
         }
         receiver.take();
         let now = time::now();
         while let Some(event) = receiver.poll(now) {
             if let Event::NavPvt { mark, .. } = event {
+                search.handle_nav_pvt();
                 set(&mut clock, &mark);
             }
         }
     }
 }
 
+/// A sleep of `us` µs as NuttX has it: until enough ticks are counted, and a tick that is lost makes it
+/// longer.
+async fn sleep(us: u32) {
+    let end = wakes_at(time::counted_ticks(), us, time::TICK_PERIOD);
+    loop {
+        let left = end.since(time::counted_ticks());
+        if left <= 0 {
+            return;
+        }
+        // Where no tick is lost this is the last of them; a tick is a whole number of µs.
+        let due = time::last_tick().plus(left.cast_unsigned());
+        Timer::at(Instant::from_micros(due.as_micros())).await;
+    }
+}
+
 /// Sets the clock to a mark.
 fn set(clock: &mut PaperClock, mark: &TimeMark) {
-    let outcome = clock.handle_mark(mark, time::last_tick());
+    let outcome = clock.handle_mark(mark, time::counted_ticks());
     base_time::set(clock.base_time());
     if outcome == Outcome::Set {
         defmt::info!("the clock is set");

@@ -42,6 +42,13 @@ impl Receiver {
         }
     }
 
+    /// Tries the receiver at this rate, in baud. What was on its way is lost.
+    pub fn try_rate(&mut self, baud: u32) {
+        self.writer.set_baud(baud);
+        self.link.handle_baud(baud);
+        self.configuration = Configuration::trying(baud);
+    }
+
     /// Waits until bytes are there.
     pub async fn wait(&mut self) {
         self.reader.wait().await;

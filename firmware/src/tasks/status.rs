@@ -233,6 +233,8 @@ struct Log;
 impl Format for Log {
     fn format(&self, f: Formatter) {
         count(f, defmt::intern!("log_dropped"), logger::dropped());
+        #[cfg(loaded)]
+        count(f, defmt::intern!("load_left_out"), crate::load::left_out());
     }
 }
 

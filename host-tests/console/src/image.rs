@@ -21,6 +21,8 @@ pub enum Word {
     DateFloor,
     /// GPS less UTC for a receiver that does not send it, in s; 0: it has to be proved.
     LeapSeconds,
+    /// In an image with a load, what that is drawn from.
+    LoadSeed,
 }
 
 impl Word {
@@ -30,6 +32,7 @@ impl Word {
             Self::SystemId => "PIXCLOCK_SYSTEM_ID",
             Self::DateFloor => "PIXCLOCK_DATE_FLOOR",
             Self::LeapSeconds => "PIXCLOCK_LEAP_SECONDS",
+            Self::LoadSeed => "PIXCLOCK_LOAD_SEED",
         }
     }
 }

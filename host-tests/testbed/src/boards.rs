@@ -45,7 +45,7 @@ impl FromStr for Boards {
 }
 
 /// The receivers of boards that are not real.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
 pub enum Receivers {
     /// An M8 in good order: half a bell of 30 ms above 40 ms
     M8,
@@ -53,6 +53,10 @@ pub enum Receivers {
     F9,
     /// An M8 at work: even over 90 ms above 94.7 ms
     Harsh,
+    /// As quiet as the paper's: half a bell whose spread alone makes the paper's best row, 3.44 ms
+    Paper,
+    /// The same with half of that spread
+    PaperHalf,
 }
 
 impl Receivers {
@@ -63,6 +67,8 @@ impl Receivers {
             Self::M8 => Latency::m8(),
             Self::F9 => Latency::f9(),
             Self::Harsh => Latency::harsh_m8(),
+            Self::Paper => Latency::paper(),
+            Self::PaperHalf => Latency::paper_half(),
         }
     }
 
@@ -73,6 +79,22 @@ impl Receivers {
             Self::M8 => "M8: half a bell of 30 ms above 40 ms",
             Self::F9 => "F9: half a bell with 3 ms of standard deviation above 60.9 ms",
             Self::Harsh => "harsh M8: even over 90 ms above 94.7 ms",
+            Self::Paper => {
+                "paper: half a bell above 40 ms whose spread alone sets two boards 3.44 ms apart"
+            }
+            Self::PaperHalf => "paper, half: the same with half of that spread",
+        }
+    }
+
+    /// Their name on a command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::M8 => "m8",
+            Self::F9 => "f9",
+            Self::Harsh => "harsh",
+            Self::Paper => "paper",
+            Self::PaperHalf => "paper-half",
         }
     }
 }

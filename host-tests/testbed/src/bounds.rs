@@ -8,6 +8,10 @@
 //! *Limits.* How the paper's own steps rank among each other is no bound: what their
 //! receivers, oscillators and load were is not known.
 
+use variant::Load;
+
+use crate::boards::Receivers;
+use crate::case::Case;
 use crate::method::Method;
 use crate::run::{Experiment, Place, Run};
 
@@ -17,6 +21,13 @@ const PIXCLOCK_NS: f64 = 300_000.0;
 const BETTER: f64 = 20.0;
 /// The same on the pulse, as seen through PINGs. \[ns\]
 const PULSE_NS: f64 = 500.0;
+
+/// Up to this load the two bounds below hold for ours. \[%\]
+const OURS_PERCENT: u8 = 60;
+/// pixclock's mean difference under such a load, with receivers like an M8. \[ns\]
+const LOADED_NS: f64 = 75_000.0;
+/// The same on the pulse. \[ns\]
+const LOADED_PULSE_NS: f64 = 35.0;
 
 /// Up to this rate no answer may be missing. \[PINGs a second\]
 const EASY_HZ: u32 = 100;
@@ -38,7 +49,10 @@ pub fn judge(experiment: &Experiment) -> Vec<Bound> {
     if experiment.place != Place::Virtual {
         return Vec::new();
     }
-    let mean = |method| experiment.estimate(method).map(|estimate| estimate.mean);
+    let mean = |method| {
+        let case = experiment.plain(method)?;
+        experiment.estimate(case).map(|estimate| estimate.mean)
+    };
     let ours = mean(Method::Pixclock);
     let pulse = mean(Method::PixclockPps);
     let best = mean(Method::PaperStep2(50));
@@ -75,6 +89,14 @@ pub fn judge(experiment: &Experiment) -> Vec<Bound> {
             mixed > step1,
         );
     }
+    bounds.extend(under_load(experiment));
+    let mut hold = |text, measured, holds| {
+        bounds.push(Bound {
+            text,
+            measured,
+            holds,
+        });
+    };
     let missing: usize = experiment.runs.iter().map(Run::missing).sum();
     if experiment.rate_hz <= EASY_HZ {
         let measured = format!("{missing} missing");
@@ -87,6 +109,78 @@ pub fn judge(experiment: &Experiment) -> Vec<Bound> {
             "answers are missing only where the boards' lines were full",
             measured,
             counted,
+        );
+    }
+    bounds
+}
+
+/// What has to hold where a load is built in.
+fn under_load(experiment: &Experiment) -> Vec<Bound> {
+    let mut bounds = Vec::new();
+    let loaded = || experiment.runs.iter().filter(|run| run.case.load > 0);
+    if loaded().next().is_none() {
+        return bounds;
+    }
+    let mut hold = |text, measured, holds| {
+        bounds.push(Bound {
+            text,
+            measured,
+            holds,
+        });
+    };
+    if let Some(overruns) = loaded().map(Run::overruns).sum::<Option<u32>>() {
+        let measured = format!("{overruns} overruns");
+        hold(
+            "no line loses a byte, whatever the load",
+            measured,
+            overruns == 0,
+        );
+    }
+    let lost = |is_wanted: fn(&Case) -> bool| {
+        let mut runs = loaded().filter(|run| is_wanted(&run.case)).peekable();
+        runs.peek()?;
+        runs.map(Run::lost_ticks).sum::<Option<u32>>()
+    };
+    if let Some(lost) = lost(|case| !case.method.is_papers() && case.load <= OURS_PERCENT) {
+        let measured = format!("{lost} ticks");
+        hold("ours up to 60 %: no tick is lost", measured, lost == 0);
+    }
+    if let Some(lost) = lost(|case| matches!(case.method, Method::PaperStep2(_))) {
+        let measured = format!("{lost} ticks");
+        hold("step II loses no tick under any load", measured, lost == 0);
+    }
+    if let Some(lost) =
+        lost(|case| case.method == Method::PaperTickOnly(50) && case.load >= Load::PX4_PERCENT)
+    {
+        let measured = format!("{lost} ticks");
+        hold(
+            "a tick of 50 µs alone loses some under px4",
+            measured,
+            lost > 0,
+        );
+    }
+    let worst = |method| {
+        let cases = experiment.cases().into_iter().filter(|case| {
+            let is_loaded = case.load > 0 && case.load <= OURS_PERCENT;
+            case.method == method && is_loaded && case.receivers == Receivers::M8
+        });
+        let means = cases.filter_map(|case| experiment.estimate(case));
+        means.map(|estimate| estimate.mean).max_by(f64::total_cmp)
+    };
+    if let Some(ours) = worst(Method::Pixclock) {
+        let measured = format!("{:.1} µs", ours / 1e3);
+        hold(
+            "pixclock up to 60 %: mean ≤ 75 µs",
+            measured,
+            ours <= LOADED_NS,
+        );
+    }
+    if let Some(pulse) = worst(Method::PixclockPps) {
+        let measured = format!("{pulse:.1} ns");
+        hold(
+            "pixclock-pps up to 60 %: mean ≤ 35 ns",
+            measured,
+            pulse <= LOADED_PULSE_NS,
         );
     }
     bounds

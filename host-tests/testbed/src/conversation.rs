@@ -173,6 +173,8 @@ impl Conversation {
             name: self.name,
             asked: self.sent.len() as u32,
             line_full: None,
+            lost_ticks: None,
+            overruns: None,
             samples,
             anomalies,
             send_delays_ns: self.send_delays_ns,

@@ -16,8 +16,9 @@ use anyhow::Result;
 
 use crate::files::{Folder, summary};
 use crate::options::Options;
-use crate::report::{estimate_text, with_unit};
+use crate::report::estimate_text;
 use crate::run::{Experiment, Place, Run};
+use crate::units::with_unit;
 use crate::{bounds, report};
 
 /// The runs of an experiment while they are made.
@@ -87,7 +88,7 @@ impl Results {
         }
         for run in &experiment.runs {
             for (board, anomaly) in run.anomalies() {
-                eprintln!("{}, seed {}: {board}: {anomaly}", run.method, run.seed);
+                eprintln!("{}, seed {}: {board}: {anomaly}", run.case, run.seed);
             }
         }
         if let Some(why) = &experiment.cut_short {
@@ -121,32 +122,53 @@ impl Results {
 /// The table, for a terminal.
 #[must_use]
 pub fn text(experiment: &Experiment) -> String {
+    let cases = experiment.cases();
+    let widest = cases.iter().map(|case| case.to_string().len()).max();
+    let width = widest.unwrap_or(0);
     let mut out = format!(
-        "{:<20} {:>9} {:>22} {:>9} {:>9} {:>8}\n",
-        "method", "paper", "mean difference", "95 %", "largest", "pairs"
+        "{:<width$} {:>9} {:>22} {:>9} {:>9} {:>8} {:>8} {:>8} {:>7}\n",
+        "method",
+        "paper",
+        "mean difference",
+        "95 %",
+        "largest",
+        "pairs",
+        "ticks",
+        "PINGs",
+        "less by"
     );
-    for method in experiment.methods() {
-        let paper = method
+    for case in cases {
+        let paper = case
+            .method
             .paper_ms()
             .map_or_else(String::new, |ms| format!("{ms:.2} ms"));
         let mean = experiment
-            .estimate(method)
+            .estimate(case)
             .map_or_else(|| "no pair".to_owned(), estimate_text);
-        let spread = experiment.spread(method);
+        let spread = experiment.spread(case);
         let size = |pick: fn(&crate::Spread) -> u64| {
             spread
                 .as_ref()
                 .map_or_else(String::new, |spread| with_unit(pick(spread) as f64))
         };
+        let lost = |count: fn(&Run) -> Option<u32>| {
+            let all: Option<u32> = experiment.runs_of(case).map(count).sum();
+            all.map_or_else(String::new, |lost| lost.to_string())
+        };
+        let missing: usize = experiment.runs_of(case).map(Run::missing).sum();
+        let reduction = experiment.reduction(case);
         let _ = writeln!(
             out,
-            "{:<20} {paper:>9} {mean:>22} {:>9} {:>9} {:>8}",
-            method.to_string(),
+            "{:<width$} {paper:>9} {mean:>22} {:>9} {:>9} {:>8} {:>8} {missing:>8} {:>7}",
+            case.to_string(),
             size(|spread| spread.p95),
             size(|spread| spread.max),
             spread.as_ref().map_or(0, |spread| spread.count),
+            lost(Run::lost_ticks),
+            reduction.map_or_else(String::new, |share| format!("{:.1} %", share * 100.0)),
         );
     }
+    out += "(ticks: those lost; PINGs: those unanswered; less by: than the default under the same load)\n";
     if experiment.place != Place::Virtual {
         let _ = write!(out, "{}", report::noise_text(experiment));
     }
@@ -154,7 +176,7 @@ pub fn text(experiment: &Experiment) -> String {
         let _ = write!(
             out,
             "{}, seed {}: {} answers missing",
-            run.method,
+            run.case,
             run.seed,
             run.missing()
         );

@@ -66,7 +66,7 @@ impl Folder {
     ///
     /// Names the first file that could not be written; the others are.
     pub fn write_run(&self, run: &Run) -> Result<()> {
-        let folder = self.path.join(run.method.folder());
+        let folder = self.path.join(run.case.folder());
         let folder = folder.join(format!("seed-{}", run.seed));
         let mut written = fs::create_dir_all(&folder).map_err(Into::into);
         for (number, record) in (1..).zip(&run.records) {
@@ -95,7 +95,7 @@ impl Folder {
         let figures = self.path.join("figures");
         let mut written = fs::create_dir_all(&figures).map_err(Into::into);
         for run in report::first_runs(experiment) {
-            let file = figures.join(run.method.folder()).with_extension("svg");
+            let file = figures.join(format!("{}.svg", run.case.folder()));
             written = written.and(write(&file, report::picture(run)?.as_bytes()));
         }
         summary.and(report).and(written)
@@ -188,17 +188,21 @@ fn differences(csv: &mut csv::Writer<Vec<u8>>, run: &Run) -> csv::Result<()> {
 #[must_use]
 pub fn summary(experiment: &Experiment) -> Value {
     let methods: Vec<Value> = experiment
-        .methods()
+        .cases()
         .into_iter()
-        .map(|method| {
-            let runs: Vec<Value> = experiment.runs_of(method).map(run_value).collect();
+        .map(|case| {
+            let method = case.method;
+            let runs: Vec<Value> = experiment.runs_of(case).map(run_value).collect();
             json!({
                 "method": method.to_string(),
+                "load_percent": case.load,
+                "receivers": case.receivers.name(),
                 "paper_mean_ns": method.paper_ms().map(|ms| (ms * 1e6).round()),
-                "mean_of_runs": experiment.estimate(method).map(estimate_value),
-                "difference": experiment.spread(method).map(spread_value),
+                "mean_of_runs": experiment.estimate(case).map(estimate_value),
+                "difference": experiment.spread(case).map(spread_value),
                 "error_to_utc":
-                    experiment.errors(method).into_iter().map(spread_value).collect::<Vec<_>>(),
+                    experiment.errors(case).into_iter().map(spread_value).collect::<Vec<_>>(),
+                "reduction": experiment.reduction(case),
                 "runs": runs,
             })
         })
@@ -233,6 +237,8 @@ fn run_value(run: &Run) -> Value {
                 "asked": record.asked,
                 "answered": record.samples.len(),
                 "line_full": record.line_full,
+                "lost_ticks": record.lost_ticks,
+                "overruns": record.overruns,
                 "used": record.good().count(),
                 "in_own_log": record.samples.iter().filter(|s| s.is_from_log).count(),
                 "round_trip": Spread::of(trips).map(spread_value),

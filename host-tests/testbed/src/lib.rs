@@ -14,6 +14,7 @@
 
 mod boards;
 pub mod bounds;
+mod case;
 mod conversation;
 mod ending;
 mod files;
@@ -28,8 +29,10 @@ mod report;
 mod run;
 mod schedule;
 mod statistics;
+mod units;
 
 pub use boards::{Boards, Crystals, Receivers};
+pub use case::Case;
 pub use conversation::{Conversation, SILENCE_NS};
 pub use ending::{Results, text};
 pub use files::{Folder, summary};

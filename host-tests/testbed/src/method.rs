@@ -28,6 +28,8 @@ pub enum Method {
     PaperStep1,
     /// The paper's step II: SysTick at priority 0 and this tick. \[µs\]
     PaperStep2(u32),
+    /// Step II without its priority: this tick among the other interrupts. \[µs\]
+    PaperTickOnly(u32),
     /// pixclock on the receiver's messages.
     Pixclock,
     /// pixclock on the receiver's time pulse.
@@ -36,13 +38,14 @@ pub enum Method {
 
 impl Method {
     /// All of them, the paper's first.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::PaperDefaultMixed,
         Self::PaperDefault,
         Self::PaperStep1,
         Self::PaperStep2(500),
         Self::PaperStep2(200),
         Self::PaperStep2(50),
+        Self::PaperTickOnly(50),
         Self::Pixclock,
         Self::PixclockPps,
     ];
@@ -56,6 +59,9 @@ impl Method {
             Self::PaperStep1 => "step I: 115200, constant wait".to_owned(),
             Self::PaperStep2(tick_us) => {
                 format!("step II: SysTick first, tick of {tick_us} µs")
+            }
+            Self::PaperTickOnly(tick_us) => {
+                format!("a tick of {tick_us} µs alone, SysTick among the others")
             }
             Self::Pixclock => "pixclock on the receiver's messages".to_owned(),
             Self::PixclockPps => "pixclock on the receiver's pulse".to_owned(),
@@ -72,7 +78,9 @@ impl Method {
             Self::PaperStep2(500) => Some(5.37),
             Self::PaperStep2(200) => Some(6.15),
             Self::PaperStep2(50) => Some(3.44),
-            Self::PaperStep2(_) | Self::Pixclock | Self::PixclockPps => None,
+            Self::PaperStep2(_) | Self::PaperTickOnly(_) | Self::Pixclock | Self::PixclockPps => {
+                None
+            }
         }
     }
 
@@ -106,12 +114,13 @@ impl Method {
             Self::PaperDefault | Self::PaperDefaultMixed => Variant::PaperDefault,
             Self::PaperStep1 => Variant::PaperStep1,
             Self::PaperStep2(tick_us) => Variant::PaperStep2 { tick_us },
+            Self::PaperTickOnly(tick_us) => Variant::PaperTickOnly { tick_us },
             Self::Pixclock | Self::PixclockPps => Variant::STANDARD,
         };
         match self {
             Self::PaperDefaultMixed if index > 0 => Image {
-                variant,
                 gps_baud: SLOW_BAUD,
+                ..Image::of(variant)
             },
             _ => Image::of(variant),
         }
@@ -131,6 +140,7 @@ impl fmt::Display for Method {
             Self::PaperDefaultMixed => f.write_str("paper-default-mixed"),
             Self::PaperStep1 => f.write_str("paper-step1"),
             Self::PaperStep2(tick_us) => write!(f, "paper-step2:{tick_us}"),
+            Self::PaperTickOnly(tick_us) => write!(f, "paper-tick-only:{tick_us}"),
             Self::Pixclock => f.write_str("pixclock"),
             Self::PixclockPps => f.write_str("pixclock-pps"),
         }
@@ -176,7 +186,9 @@ mod tests {
             let is_mixed = method.image(0) != method.image(1);
             assert_eq!(is_mixed, method == Method::PaperDefaultMixed);
             assert_eq!(method.has_pulse(), method == Method::PixclockPps);
-            assert_eq!(method.is_papers(), method.paper_ms().is_some());
+            // What the paper argues against it has not measured.
+            let has_figure = method.is_papers() && method != Method::PaperTickOnly(50);
+            assert_eq!(has_figure, method.paper_ms().is_some());
         }
     }
 }

@@ -10,14 +10,18 @@
 use std::convert::Infallible;
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum as _};
-use variant::Image;
+use clap::Args;
+use variant::{Image, Load, UnknownLoad};
 
 use crate::boards::{Boards, Crystals, Receivers};
+use crate::case::Case;
 use crate::method::Method;
 
 /// PINGs a second at most: more than the line has room for.
 const MAX_RATE_HZ: i64 = 1_000;
+/// How long a quick test lasts, and how long its boards have been up before. \[s\]
+const QUICK_S: u32 = 60;
+
 /// The options of the experiment.
 #[derive(Args, Clone, Debug)]
 pub struct Options {
@@ -53,9 +57,19 @@ pub struct Options {
     #[arg(long, hide = true, num_args = 0..=1, default_missing_value = "", value_parser = console::renamed("--method"))]
     way: Option<Infallible>,
 
-    /// The receivers of boards that are not real: their latency
-    #[arg(long, value_enum, default_value_t = Receivers::M8)]
-    pub receiver: Receivers,
+    /// The receivers of boards that are not real: their latency. On virtual boards several, with commas
+    /// between them, make a row each
+    #[arg(long = "receiver", value_enum, value_delimiter = ',', default_values_t = [Receivers::M8])]
+    pub receivers: Vec<Receivers>,
+
+    /// What else keeps the core of virtual boards busy, in % of it: `px4` (55) or 0 to 80. Several, with
+    /// commas between them, make a row each
+    #[arg(long = "load", value_name = "LEVEL,LEVEL", value_delimiter = ',', default_value = "0", value_parser = parse_load)]
+    loads: Vec<u8>,
+
+    /// The same in ten minutes: one seed, 60 s after 60, whatever --seeds, --duration and --settle say
+    #[arg(long)]
+    pub quick: bool,
 
     /// The error of each virtual board's crystal in ppm; as many as there are boards
     #[arg(
@@ -119,6 +133,49 @@ impl Options {
         }
     }
 
+    /// The rows of the table: each method with each of the receivers under each load.
+    #[must_use]
+    pub fn cases(&self) -> Vec<Case> {
+        let mut cases = Vec::new();
+        for method in self.methods() {
+            for &receivers in &self.receivers {
+                for &load in &self.loads {
+                    let case = Case {
+                        method,
+                        receivers,
+                        load,
+                    };
+                    // What is named twice is run once.
+                    if !cases.contains(&case) {
+                        cases.push(case);
+                    }
+                }
+            }
+        }
+        cases
+    }
+
+    /// Whether a load is asked for.
+    #[must_use]
+    pub fn has_load(&self) -> bool {
+        self.loads.iter().any(|&load| load > 0)
+    }
+
+    /// The receivers of boards that have the same in every row: the first that are named.
+    #[must_use]
+    pub fn first_receivers(&self) -> Receivers {
+        self.receivers.first().copied().unwrap_or(Receivers::M8)
+    }
+
+    /// The same with what `--quick` means.
+    #[must_use]
+    pub fn made_quick(mut self) -> Self {
+        if self.quick {
+            (self.seeds, self.duration, self.settle) = (1, QUICK_S, QUICK_S);
+        }
+        self
+    }
+
     /// The seeds to run.
     #[must_use]
     pub fn seeds(&self) -> std::ops::Range<u64> {
@@ -155,10 +212,13 @@ impl Options {
             command += " --one-line";
         }
         if !self.are_real() {
-            let receiver = self.receiver.to_possible_value();
-            let receiver = receiver.as_ref().map_or("", |value| value.get_name());
-            command += &format!(" --receiver {receiver} --seed {}", self.seed);
+            let receivers: Vec<_> = self.receivers.iter().map(|each| each.name()).collect();
+            command += &format!(" --receiver {} --seed {}", receivers.join(","), self.seed);
             command += &format!(" --seeds {}", self.seeds);
+            if self.has_load() {
+                let loads: Vec<_> = self.loads.iter().map(u8::to_string).collect();
+                command += &format!(" --load {}", loads.join(","));
+            }
         }
         if self.boards == Boards::Virtual {
             command += &format!(" --crystals {}", self.crystals.text());
@@ -179,6 +239,13 @@ fn parse_methods(text: &str) -> Result<Methods, String> {
         return Ok(Methods(Method::ALL.to_vec()));
     }
     text.parse().map(|method| Methods(vec![method]))
+}
+
+fn parse_load(text: &str) -> Result<u8, String> {
+    let load: Load = text
+        .parse()
+        .map_err(|wrong: UnknownLoad| wrong.to_string())?;
+    Ok(load.percent())
 }
 
 fn parse_image(text: &str) -> Result<(String, PathBuf), String> {
@@ -211,6 +278,19 @@ mod tests {
         assert_eq!(options.crystals.ppb, [40_000, -25_000]);
         assert_eq!(options.methods(), Method::ALL);
         assert_eq!(options.seeds(), 1..2);
+        let cases = Method::ALL.map(|method| Case::of(method, Receivers::M8));
+        assert_eq!(options.cases(), cases);
+    }
+
+    #[test]
+    fn a_row_is_a_method_with_receivers_under_a_load() {
+        let options =
+            parse("--method pixclock,paper-step1 --load 0,px4 --receiver m8,paper").unwrap();
+        let cases = options.cases();
+        assert_eq!(cases.len(), 8);
+        assert_eq!(cases[1].to_string(), "paper-step1, load 55 %");
+        let quick = parse("--seeds 9 --quick").unwrap().made_quick();
+        assert_eq!((quick.seeds, quick.duration, quick.settle), (1, 60, 60));
     }
 
     #[test]
@@ -218,6 +298,7 @@ mod tests {
         for words in [
             "",
             "--method pixclock,paper-step2:50 --method paper-default --seeds 5 --crystals -1.5,0,2 --cpi 1.6",
+            "--load 0,px4,60 --receiver m8,paper,paper-half --quick",
             "--boards qemu --receiver harsh --duration 60 --settle 30 --rate 100",
             "--boards tcp:localhost:5760,tcp:localhost:5761 --method all --one-line",
         ] {
@@ -247,7 +328,9 @@ mod tests {
             ("--crystals 40,501", "-500 to 500"),
             ("--duration 0", "1..=86400"),
             ("--rate 0", "1..=1000"),
-            ("--receiver m9", "m8, f9, harsh"),
+            ("--receiver m9", "m8, f9, harsh, paper, paper-half"),
+            ("--load 81", "from 0 to 80"),
+            ("--load px5", "from 0 to 80"),
         ] {
             let error = parse(words).unwrap_err();
             assert_eq!(error.exit_code(), 2);

@@ -14,6 +14,7 @@ use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 
 use crate::pairing::Difference;
+use crate::units::with_unit;
 
 /// In units of the picture, which is as wide as its column.
 const SIZE: (u32, u32) = (560, 320);
@@ -100,6 +101,74 @@ pub fn svg(differences: &[Difference], duration_s: u32, levels: &[Level]) -> Res
     Ok(text)
 }
 
+/// A curve over the load.
+#[derive(Clone, Debug)]
+pub struct Curve {
+    /// What it is called.
+    pub name: String,
+    /// Load in % and mean difference in ns, from the least load on.
+    pub points: Vec<(u8, f64)>,
+}
+
+/// The least and the greatest that a logarithmic axis shows. \[ns\]
+const DECADES: (f64, f64) = (10.0, 100e6);
+
+/// The figure of `curves` over the load, with a logarithmic axis: methods are orders of magnitude apart.
+///
+/// # Errors
+///
+/// When the picture cannot be drawn.
+pub fn over_load(curves: &[Curve]) -> Result<String> {
+    let loads = curves.iter().flat_map(|curve| &curve.points);
+    let most = loads.map(|(load, _)| *load).max().unwrap_or(0);
+    let mut text = String::new();
+    {
+        let area = SVGBackend::with_string(&mut text, (SIZE.0, 2 * SIZE.1)).into_drawing_area();
+        area.fill(&WHITE)?;
+        let (least_ns, most_ns) = DECADES;
+        let mut chart = ChartBuilder::on(&area)
+            .margin(8)
+            .margin_right(16)
+            .x_label_area_size(44)
+            .y_label_area_size(72)
+            .build_cartesian_2d(-1.0..f64::from(most) + 1.0, (least_ns..most_ns).log_scale())?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(BLACK.mix(0.15))
+            .label_style((FONT, FONT_SIZE))
+            .axis_desc_style((FONT, FONT_SIZE))
+            .x_label_formatter(&|load| format!("{load:.0}"))
+            .y_label_formatter(&|ns| with_unit(*ns))
+            .x_desc("load, % of the core")
+            .y_desc("mean difference")
+            .draw()?;
+        for (number, curve) in curves.iter().enumerate() {
+            let points = curve.points.iter().map(|&(load, ns)| (load.into(), ns));
+            let style = BLACK.stroke_width(2);
+            // Lines differ by their dashes, marks by their size.
+            let (dash, gap) = (4 + 4 * number as u32, 3);
+            chart
+                .draw_series(DashedLineSeries::new(points.clone(), dash, gap, style))?
+                .label(curve.name.clone())
+                .legend(move |(x, y)| {
+                    DashedPathElement::new([(x, y), (x + 40, y)], dash, gap, style)
+                });
+            chart.draw_series(points.map(|point| Circle::new(point, 3, BLACK.filled())))?;
+        }
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::MiddleRight)
+            .legend_area_size(46)
+            .background_style(WHITE.mix(0.85))
+            .border_style(BLACK.mix(0.4))
+            .label_font((FONT, FONT_SIZE))
+            .draw()?;
+        area.present()?;
+    }
+    Ok(text)
+}
+
 /// The unit, in ns, in which `top` is a handy number, and its name.
 fn unit_for(top_ns: f64) -> (f64, &'static str) {
     if top_ns >= 100_000.0 {
@@ -165,5 +234,17 @@ mod tests {
             assert!(picture.contains(word), "{word} in {picture}");
         }
         assert!(svg(&[], 600, &[]).unwrap().contains("difference, µs"));
+    }
+
+    #[test]
+    fn a_figure_over_the_load_names_its_curves() {
+        let curve = |name: &str, ns: f64| Curve {
+            name: name.to_owned(),
+            points: vec![(0, ns), (60, 2.0 * ns)],
+        };
+        let picture = over_load(&[curve("one", 20.0), curve("other", 7e6)]).unwrap();
+        for word in ["one", "other", "load, % of the core", "1.00 ms"] {
+            assert!(picture.contains(word), "{word} in {picture}");
+        }
     }
 }

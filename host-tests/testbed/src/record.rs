@@ -125,6 +125,10 @@ pub struct Record {
     /// Answers and other frames that the board itself counted as not sent because its line
     /// was full, where it was asked.
     pub line_full: Option<u32>,
+    /// Ticks that the board lost during the test, where it was asked.
+    pub lost_ticks: Option<u32>,
+    /// Bytes that its lines lost since its power, where it was asked.
+    pub overruns: Option<u32>,
     /// The PINGs that were answered, in the order of their numbers.
     pub samples: Vec<Sample>,
     /// What went wrong, in the order of time.

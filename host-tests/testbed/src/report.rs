@@ -16,11 +16,13 @@ use anyhow::Result;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::bounds;
+use crate::case::Case;
 use crate::method::Method;
 use crate::pairing::Difference;
-use crate::plot::{self, Level};
+use crate::plot::{self, Curve, Level};
 use crate::run::{Experiment, Place, Run};
 use crate::statistics::{Estimate, Spread};
+use crate::units::with_unit;
 
 const STYLE: &str = include_str!("report.css");
 const MEAN_DASHES: (u32, u32) = (10, 6);
@@ -35,7 +37,7 @@ const SHOWN_UP_TO: f64 = 10.0;
 ///
 /// When a figure cannot be drawn.
 pub fn html(experiment: &Experiment) -> Result<String> {
-    let methods = experiment.methods();
+    let cases = experiment.cases();
     let figures = first_runs(experiment)
         .map(|run| figure(experiment, run))
         .collect::<Result<Vec<Markup>>>()?;
@@ -56,6 +58,7 @@ pub fn html(experiment: &Experiment) -> Result<String> {
                 (table(experiment))
                 @if experiment.place == Place::Virtual { (errors(experiment)) }
                 @else { (noise(experiment)) }
+                (over_the_load(experiment)?)
                 h2 { "The figures" }
                 p {
                     "The size of the difference between the boards at each PING, and its mean \
@@ -64,7 +67,7 @@ pub fn html(experiment: &Experiment) -> Result<String> {
                 @for figure in &figures { (figure) }
                 h2 { "How it was made" }
                 (how(experiment))
-                @if methods.iter().any(|method| method.is_papers()) {
+                @if cases.iter().any(|case| case.method.is_papers()) {
                     h2 { "Beside the paper" }
                     (beside_the_paper(experiment))
                 }
@@ -104,7 +107,7 @@ fn anomalies(experiment: &Experiment) -> Markup {
         @for run in &experiment.runs {
             @for (board, anomaly) in run.anomalies() {
                 p.anomaly {
-                    @if several { (run.method) ", seed " (run.seed) ", " }
+                    @if several { (run.case) ", seed " (run.seed) ", " }
                     (board) ": " (anomaly) "."
                 }
             }
@@ -113,22 +116,41 @@ fn anomalies(experiment: &Experiment) -> Markup {
 }
 
 fn table(experiment: &Experiment) -> Markup {
+    let cases = experiment.cases();
+    let has_load = cases.iter().any(|case| case.load > 0);
+    let has_receivers = cases
+        .iter()
+        .any(|case| case.receivers != cases[0].receivers);
     html! {
         div.scroll { table {
             thead { tr {
-                th { "method" } th { "the paper’s mean" } th { "our mean" }
+                th { "method" }
+                @if has_receivers { th { "receivers" } }
+                @if has_load { th { "load" } }
+                th { "the paper’s mean" } th { "our mean" }
                 th { "95 % below" } th { "largest" } th { "pairs" }
+                @if has_load { th { "ticks lost" } th { "PINGs unanswered" } th { "less than the default by" } }
             } }
             tbody {
-                @for method in experiment.methods() {
+                @for case in cases {
+                    @let method = case.method;
                     tr.ours[!method.is_papers()] {
                         td { (method.title()) }
+                        @if has_receivers { td { (case.receivers.name()) } }
+                        @if has_load { td { (case.load) " %" } }
                         td { (method.paper_ms().map_or_else(|| "–".to_owned(), |ms| format!("{ms:.2} ms"))) }
-                        td.wide { (estimate(experiment.estimate(method))) }
-                        @let spread = experiment.spread(method);
+                        td.wide { (estimate(experiment.estimate(case))) }
+                        @let spread = experiment.spread(case);
                         td { (spread.map_or_else(none, |s| with_unit(s.p95 as f64))) }
                         td { (spread.map_or_else(none, |s| with_unit(s.max as f64))) }
                         td { (spread.map_or(0, |s| s.count)) }
+                        @if has_load {
+                            @let lost: Option<u32> = experiment.runs_of(case).map(Run::lost_ticks).sum();
+                            td { (lost.map_or_else(none, |lost| lost.to_string())) }
+                            td { (experiment.runs_of(case).map(Run::missing).sum::<usize>()) }
+                            @let reduction = experiment.reduction(case).filter(|_| method.is_papers());
+                            td { (reduction.map_or_else(none, |share| format!("{:.1} %", share * 100.0))) }
+                        }
                     }
                 }
             }
@@ -137,6 +159,14 @@ fn table(experiment: &Experiment) -> Markup {
             p {
                 "± is half the 95 % confidence interval of the mean over the seeds (Student’s t); \
                  percentiles are over all seeds together."
+            }
+        }
+        @if has_load {
+            p {
+                "A load is a synthetic flight stack in the image, made after PX4’s own figures: interrupts, sections \
+                 that mask them, and tasks. Ticks are lost when SysTick waits for longer than one of them; the paper’s \
+                 clock, a base time and counted ticks, goes slow by each. The paper’s own reduction is 84.1 %, from \
+                 21.64 ms to 3.44."
             }
         }
         p {
@@ -161,6 +191,49 @@ fn table(experiment: &Experiment) -> Markup {
     }
 }
 
+/// The mean difference over the load, a figure for each of the receivers.
+fn over_the_load(experiment: &Experiment) -> Result<Markup> {
+    let cases = experiment.cases();
+    let mut receivers: Vec<_> = cases.iter().map(|case| case.receivers).collect();
+    receivers.sort();
+    receivers.dedup();
+    let mut figures = Vec::new();
+    for receivers in receivers {
+        let mut curves: Vec<Curve> = Vec::new();
+        for case in cases.iter().filter(|case| case.receivers == receivers) {
+            let Some(estimate) = experiment.estimate(*case) else {
+                continue;
+            };
+            let name = case.method.to_string();
+            let point = (case.load, estimate.mean);
+            match curves.iter_mut().find(|curve| curve.name == name) {
+                Some(curve) => curve.points.push(point),
+                None => curves.push(Curve {
+                    name,
+                    points: vec![point],
+                }),
+            }
+        }
+        if curves.iter().any(|curve| curve.points.len() > 1) {
+            figures.push((receivers, plot::over_load(&curves)?));
+        }
+    }
+    Ok(html! {
+        @if !figures.is_empty() {
+            h2 { "Over the load" }
+            @for (receivers, picture) in &figures {
+                figure role="img" aria-label={ "difference over the load, receivers " (receivers.name()) } {
+                    (PreEscaped(picture))
+                    figcaption {
+                        "The mean difference over the load, with the receivers " code { (receivers.name()) } ": "
+                        (receivers.title()) "."
+                    }
+                }
+            }
+        }
+    })
+}
+
 fn errors(experiment: &Experiment) -> Markup {
     html! {
         h3 { "Each board against UTC" }
@@ -176,10 +249,10 @@ fn errors(experiment: &Experiment) -> Markup {
         div.scroll { table {
             thead { tr { th { "method" } th { "board" } th { "mean" } th { "95 % below" } th { "largest" } } }
             tbody {
-                @for method in experiment.methods() {
-                    @for (number, spread) in (1..).zip(experiment.errors(method)) {
+                @for case in experiment.cases() {
+                    @for (number, spread) in (1..).zip(experiment.errors(case)) {
                         tr {
-                            td { @if number == 1 { (method.title()) } }
+                            td { @if number == 1 { (case.title()) } }
                             td { (number) } (cells(spread))
                         }
                     }
@@ -213,7 +286,7 @@ fn noise(experiment: &Experiment) -> Markup {
                         @let trips = Spread::of(record.samples.iter().map(|s| s.round_trip_ns));
                         @let delays = Spread::of(record.send_delays_ns.iter().copied());
                         tr {
-                            td { @if index == 0 { (run.method.title()) } }
+                            td { @if index == 0 { (run.case.title()) } }
                             td { (index + 1) }
                             td { (least.map_or_else(none, |ns| with_unit(ns as f64))) }
                             td { (trips.map_or_else(none, |s| with_unit(s.p50 as f64))) }
@@ -259,10 +332,10 @@ fn cells(spread: Spread) -> Markup {
     }
 }
 
-/// The runs that are drawn: each method's first.
+/// The runs that are drawn: each row's first.
 pub(crate) fn first_runs(experiment: &Experiment) -> impl Iterator<Item = &Run> {
-    let methods = experiment.methods().into_iter();
-    methods.filter_map(|method| experiment.runs_of(method).next())
+    let cases = experiment.cases().into_iter();
+    cases.filter_map(|case| experiment.runs_of(case).next())
 }
 
 /// The differences of a run that are drawn.
@@ -290,6 +363,7 @@ pub(crate) fn picture(run: &Run) -> Result<String> {
     }
     let most = spread.map_or(0.0, |spread| spread.max as f64);
     if let Some(ms) = run
+        .case
         .method
         .paper_ms()
         .filter(|ms| ms * 1e6 <= SHOWN_UP_TO * most)
@@ -305,14 +379,14 @@ pub(crate) fn picture(run: &Run) -> Result<String> {
 
 fn figure(experiment: &Experiment, run: &Run) -> Result<Markup> {
     let spread = Spread::of(drawn(run).iter().map(|difference| difference.ns));
-    let several = experiment.runs_of(run.method).count() > 1;
+    let several = experiment.runs_of(run.case).count() > 1;
     Ok(html! {
-        figure role="img" aria-label=(run.method.title()) {
-            h3 { (run.method.title()) }
+        figure role="img" aria-label=(run.case.title()) {
+            h3 { (run.case.title()) }
             (PreEscaped(picture(run)?))
             figcaption {
-                code { (run.method) }
-                @if let Some(number) = run.method.paper_figure() { ", as the paper’s figure " (number) }
+                code { (run.case) }
+                @if let Some(number) = run.case.method.paper_figure() { ", as the paper’s figure " (number) }
                 @if several { ", seed " (run.seed) }
                 @if let Some(spread) = spread {
                     ": mean " (with_unit(spread.mean)) ", 95 % below " (with_unit(spread.p95 as f64))
@@ -352,14 +426,14 @@ fn how(experiment: &Experiment) -> Markup {
 }
 
 fn beside_the_paper(experiment: &Experiment) -> Markup {
-    let of_paper: Vec<(Method, f64, f64)> = experiment
-        .methods()
+    let of_paper: Vec<(Case, f64, f64)> = experiment
+        .cases()
         .into_iter()
-        .filter_map(|method| {
+        .filter_map(|case| {
             Some((
-                method,
-                method.paper_ms()?,
-                experiment.estimate(method)?.mean / 1e6,
+                case,
+                case.method.paper_ms()?,
+                experiment.estimate(case)?.mean / 1e6,
             ))
         })
         .collect();
@@ -367,17 +441,17 @@ fn beside_the_paper(experiment: &Experiment) -> Markup {
     ours.sort_by(|one, other| other.2.total_cmp(&one.2));
     html! {
         p { "How far our figure for each of the paper’s methods stands from the paper’s own:" }
-        ul { @for (method, paper, mean) in &of_paper {
-            li { (method.title()) ": " (with_unit(mean * 1e6)) " beside " (format!("{paper:.2} ms")) ", "
+        ul { @for (case, paper, mean) in &of_paper {
+            li { (case.title()) ": " (with_unit(mean * 1e6)) " beside " (format!("{paper:.2} ms")) ", "
                  (format!("{:.2}", mean / paper)) " times as much" }
         } }
         @if ours.len() > 1 {
             p {
                 "From the largest to the smallest, ours come in this order: "
-                (ours.iter().map(|(method, ..)| method.to_string()).collect::<Vec<_>>().join(", ")) "."
+                (ours.iter().map(|(case, ..)| case.to_string()).collect::<Vec<_>>().join("; ")) "."
             }
         }
-        @if [Method::PaperDefault, Method::PaperStep1].iter().all(|method| experiment.methods().contains(method)) {
+        @if [Method::PaperDefault, Method::PaperStep1].iter().all(|method| experiment.plain(*method).is_some()) {
             p {
                 "At equal rates the paper’s default and its step I come out alike, and that is no \
                  mistake: both read a whole message 12 ms after its first byte, the one after three \
@@ -419,21 +493,4 @@ pub(crate) fn estimate_text(estimate: Estimate) -> String {
 
 fn none() -> String {
     "–".to_owned()
-}
-
-/// A time in the unit that fits its size, with three digits.
-pub(crate) fn with_unit(ns: f64) -> String {
-    let (value, unit) = match ns {
-        0.0 => return "0".to_owned(),
-        ..1e3 => (ns, "ns"),
-        ..1e6 => (ns / 1e3, "µs"),
-        ..1e9 => (ns / 1e6, "ms"),
-        _ => (ns / 1e9, "s"),
-    };
-    let decimals = match value {
-        ..10.0 => 2,
-        ..100.0 => 1,
-        _ => 0,
-    };
-    format!("{value:.decimals$} {unit}")
 }

@@ -10,7 +10,8 @@ use mavlink_node::Address;
 use mavlink_node::client::Message;
 use tempfile::TempDir;
 use testbed::{
-    Conversation, Experiment, Folder, Method, OwnLog, Place, Record, Run, bounds, summary,
+    Case, Conversation, Experiment, Folder, Method, OwnLog, Place, Receivers, Record, Run, bounds,
+    summary,
 };
 
 const UTC_US: i64 = 1_795_320_000_000_000;
@@ -56,7 +57,7 @@ fn experiment(apart_us: impl Fn(Method) -> i64) -> Experiment {
         let apart_us = apart_us(method) * (9 + seed as i64) / 10;
         let sawtooth = move |n: i64| apart_us + n * 7_919 % 11 * apart_us / 1_000;
         Run {
-            method,
+            case: Case::of(method, Receivers::M8),
             seed,
             lasted_s: SECONDS as u32,
             records: vec![

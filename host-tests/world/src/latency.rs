@@ -77,6 +77,20 @@ impl Latency {
         Self::constant(60_900_000).with_excess(Excess::half_normal_of(3_000_000, u64::MAX))
     }
 
+    /// A receiver as quiet as those of Shim, Joo and Kim (2021) must have been: their best row is a mean
+    /// difference of 3.44 ms, so the spread of two such receivers' latency makes no more. Half a bell of σ,
+    /// two of which are apart by 2 √2 (√2 − 1) / √π · σ = 0.661 σ in the mean, above the M8's 40 ms.
+    #[must_use]
+    pub const fn paper() -> Self {
+        Self::half_normal(40_000_000, 5_204_000)
+    }
+
+    /// The same with half of that spread.
+    #[must_use]
+    pub const fn paper_half() -> Self {
+        Self::half_normal(40_000_000, 2_602_000)
+    }
+
     /// A soft edge, on which hardly a sample lies: gamma of shape 2 with the M8's
     /// standard deviation of 6.5 ms. Not measured: a case for estimators.
     #[must_use]
@@ -198,6 +212,19 @@ mod tests {
             assert!(most <= floor_ms + window_ms);
             let deviation = mean_and_deviation(&all).1 / 1e6;
             assert!((deviation / deviation_ms - 1.0).abs() < 0.01, "{deviation}");
+        }
+    }
+
+    #[test]
+    fn the_papers_receivers_are_as_far_apart_as_its_best_row() {
+        for (latency, apart_ms) in [(Latency::paper(), 3.44), (Latency::paper_half(), 1.72)] {
+            let [one, other] = [11, 12].map(|seed| draws(latency, seed, 100_000));
+            let apart = one
+                .iter()
+                .zip(&other)
+                .map(|(one, other)| (one - other).abs());
+            let mean_ms = apart.sum::<f64>() / 1e5 / 1e6;
+            assert!((mean_ms / apart_ms - 1.0).abs() < 0.01, "{mean_ms}");
         }
     }
 

@@ -68,7 +68,7 @@ fn receiver(options: &Options, seed: u64, index: usize) -> Result<ReceiverSettin
     Ok(ReceiverSettings {
         // As far apart as seeds of neighbouring tests are not.
         seed: seed << 8 | index as u64,
-        latency: options.receiver.latency(),
+        latency: options.first_receivers().latency(),
         ..ReceiverSettings::new(i64::try_from(now.as_nanos())?)
     })
 }

@@ -22,7 +22,7 @@ use anyhow::{Result, bail};
 use indicatif::ProgressBar;
 use mavlink_node::client::{Client, GROUND_STATION};
 use mavlink_node::{Address, Test, Version};
-use testbed::{Conversation, Method, Options, OwnLog, Record, Run, Schedule, discard_late};
+use testbed::{Case, Conversation, Method, Options, OwnLog, Record, Run, Schedule, discard_late};
 use timebase::{Stamp, StampedByte};
 
 use super::board::{Clock, Connected, Identity, PATIENCE};
@@ -220,7 +220,7 @@ pub fn run(
     let late_ns = judged.map(|record| discard_late(record).unwrap_or(0));
     let late_ns = late_ns.collect();
     Ok(Run {
-        method,
+        case: Case::of(method, options.first_receivers()),
         seed,
         lasted_s,
         records,

@@ -4,8 +4,9 @@
 //! Aircraft" (2021), is what pixclock is compared with. This crate has the paper's clock, so that both
 //! can run on the same board with the same receiver.
 //!
-//! *Design.* Three parts, each after the source that it names:
+//! *Design.* Four parts, each after the source that it names:
 //!
+//! * [`RateSearch`]: how PX4 finds the receiver's rate where none is set;
 //! * [`Wait`]: how long PX4 sleeps between the first bytes of a message and its read;
 //! * [`wakes_at`]: how long such a sleep is on NuttX, in whole ticks;
 //! * [`PaperClock`]: the clock that every NAV-PVT sets, with [`BaseTime`] for its readers.
@@ -37,8 +38,8 @@
 //! assert_eq!(reading.utc.to_string(), "2026-11-22T04:00:00.000000000Z");
 //! ```
 //!
-//! *Limits.* What would make a PX4 worse is left out: its other tasks and messages, ticks that NuttX
-//! loses while it masks interrupts, and the chip's RTC, which `clock_settime` sets too.
+//! *Limits.* What would make a PX4 worse is left out: the messages that it asks for beside NAV-PVT, and the
+//! chip's RTC, which `clock_settime` sets too. Ticks that are lost and tasks that are late are the board's.
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(
@@ -49,9 +50,11 @@
 )]
 
 mod clock;
+mod search;
 mod sleep;
 mod wait;
 
 pub use clock::{BaseTime, Outcome, PaperClock, Refusal};
+pub use search::{RATES, RateSearch};
 pub use sleep::wakes_at;
 pub use wait::{CHARACTERS, Wait};

@@ -122,6 +122,15 @@ pub fn last_tick<C: CounterPair>(counters: &C) -> Cycles {
     Cycles(counters.masked(|| load_anchor(counters)))
 }
 
+/// The ticks that had an interrupt of their own, as the time since boot that somebody knows who counts
+/// interrupts and nothing else: behind [`last_tick`] by each tick that was lost.
+#[inline]
+pub fn counted_ticks<C: CounterPair>(counters: &C) -> Cycles {
+    let (anchor, lost) =
+        counters.masked(|| (load_anchor(counters), counters.load(Word::LostTicks)));
+    Cycles(anchor.saturating_sub(u64::from(lost) * u64::from(C::PERIOD)))
+}
+
 /// The first moment from `now` on at which a down-counter of that `period` shows
 /// `down_count`: it wraps at whole periods since boot.
 #[must_use]
@@ -305,6 +314,31 @@ mod tests {
                     );
                 }
             }
+        }
+    }
+
+    #[test]
+    fn a_count_of_interrupts_knows_nothing_of_ticks_that_were_lost() {
+        let period = u64::from(Bus::PERIOD);
+        let bus = Bus {
+            now: Cell::new(period),
+            down_count_after: 1,
+            witness_after: 1,
+            words: Default::default(),
+        };
+        start(&bus);
+        let begin = bus.now.get() / period;
+        // Late by so many periods, each time a little behind the wrap. The last one comes for a wrap that the
+        // one before has counted.
+        let mut interrupts = 0;
+        for wraps in [1, 2, 5, 9, 9, 10] {
+            bus.now.set((begin + wraps) * period + 20);
+            interrupts += 1;
+            if on_tick(&bus).is_none() {
+                repair(&bus);
+            }
+            assert_eq!(last_tick(&bus), Cycles(wraps * period));
+            assert_eq!(counted_ticks(&bus), Cycles(interrupts * period));
         }
     }
 

@@ -233,6 +233,17 @@ impl Session {
         }
     }
 
+    /// A session that asks for the settings at `baud`, where the UART is already, and sends no CFG-PRT: for a
+    /// caller that tries rates itself. After [`Self::SILENCE`] it looks for the receiver as any other.
+    #[must_use]
+    pub const fn trying(baud: u32) -> Self {
+        Self {
+            state: State::SendSetting,
+            attempts: BAUDS.len(),
+            ..Self::at(baud)
+        }
+    }
+
     /// What has happened so far.
     #[must_use]
     pub const fn counters(&self) -> SessionCounters {

@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use crate::load::Load;
 use crate::variant::{DEFAULT_BAUD, Variant};
 
 /// What the image of one board is built with.
@@ -11,6 +12,8 @@ pub struct Image {
     pub variant: Variant,
     /// The rate of the receiver's line, one of [`Variant::gps_bauds`]. \[Bd\]
     pub gps_baud: u32,
+    /// What else keeps its core busy.
+    pub load: Option<Load>,
 }
 
 impl Image {
@@ -26,19 +29,24 @@ impl Image {
         Self {
             variant,
             gps_baud: Self::GPS_BAUD,
+            load: None,
         }
     }
 
-    /// The image of a board with these values of `PC_VARIANT`, `PC_TICK_US` and `PC_GPS_BAUD`.
+    /// The image of a board with these values of `PC_VARIANT`, `PC_TICK_US` and `PC_GPS_BAUD`; no
+    /// parameter says what else it does, so it is that without a load.
     #[must_use]
     pub fn from_parameters(variant: u32, tick_us: u32, gps_baud: u32) -> Option<Self> {
         let variant = Variant::numbered(variant, tick_us)?;
         let is_allowed = variant.gps_bauds().contains(&gps_baud);
-        is_allowed.then_some(Self { variant, gps_baud })
+        is_allowed.then_some(Self {
+            gps_baud,
+            ..Self::of(variant)
+        })
     }
 }
 
-/// As in `paper-step2 with a tick of 50 µs, the receiver at 115200 Bd`.
+/// As in `paper-step2 with a tick of 50 µs, the receiver at 115200 Bd, the load px4`.
 impl fmt::Display for Image {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (name, tick_us) = (self.variant.name(), self.variant.tick_us());
@@ -46,7 +54,11 @@ impl fmt::Display for Image {
             f,
             "{name} with a tick of {tick_us} µs, the receiver at {} Bd",
             self.gps_baud
-        )
+        )?;
+        match self.load {
+            Some(load) => write!(f, ", the load {load}"),
+            None => Ok(()),
+        }
     }
 }
 
@@ -60,7 +72,7 @@ mod tests {
             Image::from_parameters(0, 50, 115_200),
             Some(Image::STANDARD)
         );
-        for (variant, tick_us, gps_baud) in [(4, 50, 115_200), (0, 100, 115_200), (0, 50, 38_400)] {
+        for (variant, tick_us, gps_baud) in [(5, 50, 115_200), (0, 100, 115_200), (0, 50, 38_400)] {
             assert_eq!(Image::from_parameters(variant, tick_us, gps_baud), None);
         }
     }

@@ -1,7 +1,7 @@
 //! How an image of the firmware is built: its variant, its tick, the baud rate of its receiver.
 //!
 //! *Purpose.* One table for all who need it: the firmware and its build script, the tools that build
-//! images, and the tests that run them.
+//! images, and the tests that run them. [`Load`] is what else keeps its core busy, if that is asked for.
 //!
 //! *Design.* [`Variant`] is how the clock is kept: pixclock, or one of the three ways that Shim, Joo
 //! and Kim, "Minimizing GPS Clock Synchronization Error for PX4-Based Unmanned Aircraft" (2021),
@@ -18,7 +18,7 @@
 //! assert!("paper-step2:1000".parse::<Variant>().is_err());
 //!
 //! // What a board reports in PC_VARIANT, PC_TICK_US and PC_GPS_BAUD.
-//! let image = Image { variant, gps_baud: 38_400 };
+//! let image = Image { gps_baud: 38_400, ..Image::of(variant) };
 //! assert_eq!(Image::from_parameters(3, 200, 38_400), Some(image));
 //! assert_eq!(Image::from_parameters(3, 1_000, 38_400), None);
 //! ```
@@ -38,9 +38,11 @@
 extern crate std;
 
 mod image;
+mod load;
 mod text;
 mod variant;
 
 pub use image::Image;
+pub use load::{Load, LoadParts, UnknownLoad};
 pub use text::UnknownVariant;
 pub use variant::{TICKS_US, Variant};

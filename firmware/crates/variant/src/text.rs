@@ -10,7 +10,9 @@ impl fmt::Display for Variant {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::STANDARD | Self::PaperDefault | Self::PaperStep1 => f.write_str(self.name()),
-            Self::Pixclock { tick_us } | Self::PaperStep2 { tick_us } => {
+            Self::Pixclock { tick_us }
+            | Self::PaperStep2 { tick_us }
+            | Self::PaperTickOnly { tick_us } => {
                 write!(f, "{}:{tick_us}", self.name())
             }
         }
@@ -44,8 +46,13 @@ impl FromStr for Variant {
                 .parse()
                 .ok()
                 .and_then(|tick_us| Self::named(name)?.with_tick_us(tick_us)),
-            // The paper's step II has no tick of its own.
-            None => Self::named(text).filter(|variant| !matches!(variant, Self::PaperStep2 { .. })),
+            // The paper's step II has no tick of its own, with and without its priority.
+            None => Self::named(text).filter(|variant| {
+                !matches!(
+                    variant,
+                    Self::PaperStep2 { .. } | Self::PaperTickOnly { .. }
+                )
+            }),
         };
         found.ok_or(UnknownVariant)
     }

@@ -32,6 +32,12 @@ pub enum Variant {
         /// From tick to tick, one of [`TICKS_US`] below 1000. \[µs\]
         tick_us: u32,
     },
+    /// Step II without its priority: the shorter tick with SysTick among the other interrupts, which is what
+    /// the paper's step II argues against.
+    PaperTickOnly {
+        /// From tick to tick, one of [`TICKS_US`] below 1000. \[µs\]
+        tick_us: u32,
+    },
 }
 
 impl Variant {
@@ -39,15 +45,22 @@ impl Variant {
     pub const STANDARD: Self = Self::Pixclock { tick_us: 50 };
 
     /// The names of all variants, in the order of their numbers.
-    pub const NAMES: [&str; 4] = ["pixclock", "paper-default", "paper-step1", "paper-step2"];
+    pub const NAMES: [&str; 5] = [
+        "pixclock",
+        "paper-default",
+        "paper-step1",
+        "paper-step2",
+        "paper-tick-only",
+    ];
 
-    /// The paper's variants with the ticks of its table 3.
-    pub const PAPERS: [Self; 5] = [
+    /// The paper's variants with the ticks of its table 3, and the shortest of them without its priority.
+    pub const PAPERS: [Self; 6] = [
         Self::PaperDefault,
         Self::PaperStep1,
         Self::PaperStep2 { tick_us: 500 },
         Self::PaperStep2 { tick_us: 200 },
         Self::PaperStep2 { tick_us: 50 },
+        Self::PaperTickOnly { tick_us: 50 },
     ];
 
     /// Every variant at every tick that it has.
@@ -81,12 +94,19 @@ impl Variant {
     /// Its name, which is the value of the build setting `PIXCLOCK_VARIANT`.
     #[must_use]
     pub const fn name(self) -> &'static str {
-        let [pixclock, paper_default, paper_step1, paper_step2] = Self::NAMES;
+        let [
+            pixclock,
+            paper_default,
+            paper_step1,
+            paper_step2,
+            paper_tick_only,
+        ] = Self::NAMES;
         match self {
             Self::Pixclock { .. } => pixclock,
             Self::PaperDefault => paper_default,
             Self::PaperStep1 => paper_step1,
             Self::PaperStep2 { .. } => paper_step2,
+            Self::PaperTickOnly { .. } => paper_tick_only,
         }
     }
 
@@ -98,6 +118,7 @@ impl Variant {
             Self::PaperDefault => 1,
             Self::PaperStep1 => 2,
             Self::PaperStep2 { .. } => 3,
+            Self::PaperTickOnly { .. } => 4,
         }
     }
 
@@ -105,7 +126,9 @@ impl Variant {
     #[must_use]
     pub const fn tick_us(self) -> u32 {
         match self {
-            Self::Pixclock { tick_us } | Self::PaperStep2 { tick_us } => tick_us,
+            Self::Pixclock { tick_us }
+            | Self::PaperStep2 { tick_us }
+            | Self::PaperTickOnly { tick_us } => tick_us,
             Self::PaperDefault | Self::PaperStep1 => 1_000,
         }
     }
@@ -122,7 +145,7 @@ impl Variant {
     pub const fn gps_bauds(self) -> &'static [u32] {
         match self {
             Self::Pixclock { .. } => &[DEFAULT_BAUD],
-            Self::PaperDefault | Self::PaperStep1 | Self::PaperStep2 { .. } => &PAPER_BAUDS,
+            _ => &PAPER_BAUDS,
         }
     }
 
@@ -149,6 +172,7 @@ impl defmt::Format for Variant {
             Self::PaperDefault => defmt::write!(f, "paper-default"),
             Self::PaperStep1 => defmt::write!(f, "paper-step1"),
             Self::PaperStep2 { .. } => defmt::write!(f, "paper-step2"),
+            Self::PaperTickOnly { .. } => defmt::write!(f, "paper-tick-only"),
         }
     }
 }
@@ -166,7 +190,7 @@ mod tests {
             let again = Variant::numbered(variant.number(), variant.tick_us());
             assert_eq!(again, Some(variant));
         }
-        assert_eq!(Variant::numbered(4, 50), None);
+        assert_eq!(Variant::numbered(5, 50), None);
     }
 
     #[test]

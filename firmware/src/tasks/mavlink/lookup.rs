@@ -8,6 +8,7 @@ use crate::reports::GNSS;
 use crate::samples::SAMPLES;
 use crate::settings::{GPS_BAUD, VARIANT};
 use crate::story;
+use crate::tasks::paper;
 
 /// The board that this image runs on.
 pub struct ThisBoard;
@@ -17,6 +18,7 @@ impl Parameters for ThisBoard {
         let value = match parameter {
             Parameter::Variant => VARIANT.number(),
             Parameter::TickUs => VARIANT.tick_us(),
+            Parameter::GpsBaud if VARIANT.is_papers() => paper::baud(),
             Parameter::GpsBaud => GPS_BAUD,
             Parameter::Source => {
                 let source = GNSS.get().map(|report| report.source);

@@ -21,6 +21,8 @@ mod flood;
 #[cfg(test)]
 mod links;
 #[cfg(test)]
+mod load;
+#[cfg(test)]
 mod log;
 #[cfg(test)]
 mod masks;

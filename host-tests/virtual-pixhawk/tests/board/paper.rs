@@ -13,7 +13,7 @@ use timebase::Cycles;
 use utc_clock::ClockState;
 use variant::Variant;
 use virtual_pixhawk::{Builder, Connector, Firmware, Logged, Pixhawk, Script};
-use world::{Latency, Receiver, ReceiverSettings, Stall, WorldNanos};
+use world::{Latency, Port, Receiver, ReceiverSettings, Stall, WorldNanos};
 
 use crate::common::{MS, SECOND, START_UTC_NS, ping_answers, pings, receiver_settings};
 
@@ -62,14 +62,24 @@ const fn step_2(tick_us: u32) -> Case {
     }
 }
 
-const CASES: [Case; 6] = [
+const TICK_ONLY: Case = Case {
+    variant: Variant::PaperTickOnly { tick_us: 50 },
+    ..STEP_1
+};
+
+const CASES: [Case; 7] = [
     DEFAULT,
     DEFAULT_AT_38400,
     STEP_1,
     step_2(500),
     step_2(200),
     step_2(50),
+    TICK_ONLY,
 ];
+
+/// After this time the default has searched the receiver's rate: 115200 is the fourth of PX4's *Auto*, and each has
+/// 2 s.
+const FOUND_NS: u64 = 8 * SECOND;
 
 impl Case {
     /// The image that `cargo xtask board-test` hands over; `None` if the test has to be skipped,
@@ -104,11 +114,15 @@ impl Case {
     }
 }
 
-/// A receiver like an M8, with a way of its own at each seed.
-fn m8(seed: u64) -> ReceiverSettings {
+/// A receiver like an M8, with a way of its own at each seed, at the case's rate.
+fn m8(seed: u64, case: &Case) -> ReceiverSettings {
     ReceiverSettings {
         seed,
         latency: Latency::m8(),
+        port: Port {
+            baud: case.gps_baud,
+            ..Port::FACTORY
+        },
         ..receiver_settings()
     }
 }
@@ -131,8 +145,10 @@ fn last_status(log: &[Logged]) -> Status {
 fn each_says_what_it_is_and_has_its_priorities_and_its_tick() {
     for case in CASES {
         let Some(firmware) = case.image() else { return };
-        let mut board = power_on(firmware, &m8(0), &[]);
-        board.run_to(WorldNanos(5 * SECOND + 500 * MS)).unwrap();
+        let mut board = power_on(firmware, &m8(0, &case), &[]);
+        board
+            .run_to(WorldNanos(FOUND_NS + 5 * SECOND + 500 * MS))
+            .unwrap();
         let log = board.take_log().unwrap();
         let (name, tick_us) = (case.variant.name(), case.variant.tick_us());
         let first = format!("variant {name}, tick {tick_us} us");
@@ -177,16 +193,17 @@ fn a_ping_is_answered_in_whole_ticks() {
         let tick_us = u64::from(case.variant.tick_us());
         // Before the clock is set; and between two sets, while the receiver is silent.
         let before = (0..20).map(|n| WorldNanos(500 * MS + n * 17 * MS + n * n * 1_234));
-        let between = (0..40).map(|n| WorldNanos(7 * SECOND + n * 41 * MS + n * n * 1_234));
+        let between =
+            (0..40).map(|n| WorldNanos(FOUND_NS + 7 * SECOND + n * 41 * MS + n * n * 1_234));
         let asked_at: Vec<_> = before.chain(between).collect();
-        let mut settings = m8(0);
+        let mut settings = m8(0, &case);
         settings.cold_start_ns = 2 * SECOND;
         settings.stalls = vec![Stall {
-            from: WorldNanos(6 * SECOND + 500 * MS),
+            from: WorldNanos(FOUND_NS + 6 * SECOND + 500 * MS),
             lasts_ns: 10 * SECOND,
         }];
         let mut board = power_on(firmware, &settings, &asked_at);
-        board.run_to(WorldNanos(9 * SECOND)).unwrap();
+        board.run_to(WorldNanos(FOUND_NS + 9 * SECOND)).unwrap();
         let answers = ping_answers(&board.take_received(Connector::Telem1).unwrap());
         assert_eq!(answers.len(), asked_at.len(), "{case:?}");
         let (before, between) = answers.split_at(20);
@@ -212,16 +229,16 @@ struct Lateness {
 }
 
 fn lateness(case: &Case, seed: u64, seconds: u64) -> Option<Lateness> {
-    let mut board = power_on(case.image()?, &m8(seed), &[]);
+    let mut board = power_on(case.image()?, &m8(seed, case), &[]);
     // Found, configured and set.
-    board.run_to(WorldNanos(6 * SECOND)).unwrap();
+    board.run_to(WorldNanos(FOUND_NS + 6 * SECOND)).unwrap();
     let mut found = Lateness {
         total_ns: Vec::new(),
         after_frame_ns: Vec::new(),
     };
     let settled_ns = case.frame_ns() + POLL_NS + case.longest_wait_ns() + HANDLING_NS;
     let mut seen = board.truth().unwrap().len();
-    while board.now() < WorldNanos((6 + seconds) * SECOND) {
+    while board.now() < WorldNanos(FOUND_NS + (6 + seconds) * SECOND) {
         board.run_for(5 * MS).unwrap();
         let truth = board.truth().unwrap();
         let Some(sent) = truth.get(seen) else {

@@ -5,16 +5,17 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::vec::IntoIter;
 
 use anyhow::Context as _;
-use console::Status;
+use console::{Status, Word};
 use fastrand::Rng;
 use fat_image::Kind;
 use indicatif::ProgressBar;
 use mavlink_node::client::{Client, GROUND_STATION, Message, Received};
 use mavlink_node::{Parameter, Version};
-use testbed::{Conversation, Method, Options, OwnLog, Record, Schedule};
+use testbed::{Case, Conversation, Options, OwnLog, Record, Schedule};
 use timebase::{Stamp, StampedByte};
+use variant::{Image, Variant};
 use virtual_pixhawk::{Builder, Card, Connector, Firmware, Gaps, Pixhawk, Script};
-use world::{Receiver, ReceiverSettings};
+use world::{Port, Receiver, ReceiverSettings};
 
 use crate::outgoing;
 
@@ -34,6 +35,18 @@ const RECEIVER_PPB: i32 = 1_000;
 pub const AFTERWARDS_S: u32 = 3;
 /// The name of the first log on an empty card.
 const LOG_FILE: &str = "TEST0001.CSV";
+
+/// A receiver's port as it is plugged in: out of its box, but that PX4's *Auto* stays at the rate where it finds
+/// it, which is the image's.
+fn port(image: Image) -> Port {
+    match image.variant {
+        Variant::PaperDefault => Port {
+            baud: image.gps_baud,
+            ..Port::FACTORY
+        },
+        _ => Port::FACTORY,
+    }
+}
 
 /// A board before it has power.
 pub struct Prepared {
@@ -65,6 +78,9 @@ struct Running {
     begins: u64,
     line_full: u32,
     log_missed: u32,
+    /// By the last status line before the test, and by the last of all.
+    lost_ticks: (u32, u32),
+    overruns: u32,
 }
 
 impl Prepared {
@@ -75,12 +91,12 @@ impl Prepared {
     /// When its image is missing or cannot be read.
     pub fn new(
         options: &Options,
-        method: Method,
+        case: Case,
         seed: u64,
         index: usize,
         crystal_ppb: i32,
     ) -> anyhow::Result<Self> {
-        let image = method.image(index);
+        let image = case.image(index);
         let path = options.image(image).with_context(|| {
             format!("the image {image} is missing; `cargo xtask testbed` builds it")
         })?;
@@ -91,7 +107,8 @@ impl Prepared {
         let receiver = ReceiverSettings {
             seed: rng.u64(..),
             crystal_ppb: rng.i32(-RECEIVER_PPB..=RECEIVER_PPB),
-            latency: options.receiver.latency(),
+            latency: case.receivers.latency(),
+            port: port(image),
             ..ReceiverSettings::new(START_UTC_NS + power_ns.cast_signed())
         };
         let schedule = Schedule {
@@ -101,13 +118,17 @@ impl Prepared {
         };
         let test_ns = POWER_WITHIN_NS + u64::from(options.settle) * SECOND;
         let pace = options.cpi.parse().map_err(anyhow::Error::msg)?;
-        let mut builder = Builder::new(Firmware::read(path)?)
+        let mut firmware = Firmware::read(path)?;
+        if image.load.is_some() {
+            firmware = firmware.with_word(Word::LoadSeed, rng.u32(..))?;
+        }
+        let mut builder = Builder::new(firmware)
             .pace(pace)
             .crystal_ppb(crystal_ppb)
             .telem1(Script::new(outgoing::all(schedule, test_ns - power_ns)))
             .card(Card::holding(&fat_image::formatted(Kind::Fat16)));
         let receiver = Receiver::new(receiver);
-        builder = if method.has_pulse() {
+        builder = if case.method.has_pulse() {
             builder.gps_and_pulse(receiver)
         } else {
             builder.gps(receiver)
@@ -145,6 +166,8 @@ impl Prepared {
             begins,
             line_full: 0,
             log_missed: 0,
+            lost_ticks: (0, 0),
+            overruns: 0,
         };
         while running.board.now().0 < over && !is_stopped.load(Ordering::Relaxed) {
             running.run_for(SECOND.min(over - running.board.now().0))?;
@@ -200,7 +223,13 @@ impl Running {
             .filter_map(|logged| Status::parse(&logged.line.text));
         if let Some(status) = statuses.next_back() {
             // Counters of 0 are left out.
-            self.line_full = status.number("mav_outgoing_full").unwrap_or(0) as u32;
+            let count = |name| status.number(name).unwrap_or(0) as u32;
+            self.line_full = count("mav_outgoing_full");
+            self.overruns = count("gps_overrun") + count("mav_overrun");
+            self.lost_ticks.1 = count("lost_ticks");
+            if now.0 <= self.begins {
+                self.lost_ticks.0 = self.lost_ticks.1;
+            }
         }
         Ok(())
     }
@@ -211,6 +240,8 @@ impl Running {
         let utc_ns = |sent_ns| test_utc_ns + sent_ns + FIRST_BYTE_NS;
         let mut record = Record {
             line_full: Some(self.line_full),
+            lost_ticks: Some(self.lost_ticks.1.wrapping_sub(self.lost_ticks.0)),
+            overruns: Some(self.overruns),
             ..self.conversation.end(Some(&utc_ns))
         };
         if is_complete {

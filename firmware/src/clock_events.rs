@@ -2,12 +2,12 @@
 //!
 //! | queue | filled by | drained by | when full |
 //! |---|---|---|---|
-//! | events, 8 | the GNSS task at sets, steps, what the receiver refuses and what [`ClockNews`](crate::clock_news::ClockNews) sees; the MAVLink task and thread level with what becomes of a log | the MAVLink task, each second | the newest is dropped |
+//! | events, 8 | the GNSS task at sets, steps, what the receiver is and refuses, and what [`ClockNews`](crate::clock_news::ClockNews) sees; the MAVLink task and thread level with what becomes of a log | the MAVLink task, each second | the newest is dropped |
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use fault_record::{Place, Reason};
-use ubx_link::Setting;
+use ubx_link::{Finding, Setting};
 
 use crate::not_saved::NotSaved;
 
@@ -40,6 +40,8 @@ pub enum ClockEvent {
     PulseFollowed,
     /// The pulse does not steer the clock any more.
     PulseLost,
+    /// What is new about the receiver.
+    Receiver(Finding),
     /// The receiver does not take a setting.
     Refused(Setting),
     /// A fault ended the run before.

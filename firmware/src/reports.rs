@@ -7,7 +7,7 @@
 //! | [`CARD`] | thread level, after each use of the card | the status line | the same |
 
 use timebase::{Cycles, Fix};
-use ubx_link::{LinkCounters, SessionCounters};
+use ubx_link::{Finding, LinkCounters, SessionCounters};
 use utc_clock::{Counters, Ppb, SecondProof, Source};
 
 use crate::drivers::card::CardErrors;
@@ -61,6 +61,8 @@ pub struct ReceiverReport {
     pub link: LinkCounters,
     /// The receiver's configuration.
     pub session: SessionCounters,
+    /// What is known of the receiver.
+    pub finding: Finding,
     /// Errors of the line itself.
     pub line: LineErrors,
     /// The last solution, and when it arrived.

@@ -1,170 +1,17 @@
 //! The configuration session against simulated receivers: found at any rate,
 //! configured, found again after a restart; bounded in all that it sends.
 
+mod ubx_board;
+
 use timebase::{CORE_HZ, Cycles};
+use ubx_board::{Board, NoReceiver, SECOND, factory};
 use ubx_link::{
-    Action, BAUD, BAUDS, Event, Link, PULSE_WIDTH_US, Session, SessionCounters, Setting, Unwanted,
+    Action, BAUD, BAUDS, Event, Generation, PULSE_WIDTH_US, Session, SessionCounters, Setting,
+    Unwanted,
 };
 use world::{
-    Latency, LeapKnowledge, LeftOn, Port, Receiver, ReceiverSettings, Recording, Talker,
-    WorldNanos, ubx,
+    LeapKnowledge, LeftOn, Port, Receiver, ReceiverSettings, Recording, Talker, WorldNanos, ubx,
 };
-
-const NOON_NS: i64 = 1_795_348_800_000_000_000;
-const SECOND: u64 = 1_000_000_000;
-
-fn cycles(at: WorldNanos) -> Cycles {
-    Cycles::from_nanos(at.0)
-}
-
-/// A board's side of the line, in world time.
-struct Board {
-    session: Session,
-    link: Link,
-    baud: u32,
-    now: WorldNanos,
-    /// What is leaving: until when, at which rate, which bytes.
-    leaving: Option<(WorldNanos, u32, Vec<u8>)>,
-    /// Each rate that was set, and when.
-    tuned: Vec<(WorldNanos, u32)>,
-    /// When each NAV-PVT came out.
-    marks: Vec<WorldNanos>,
-    /// How long each may have waited, in µs, as far as is proved, and how long it has.
-    waits_us: Vec<(u32, u64)>,
-    /// When each NAV-TIMELS came out, and its count.
-    leap_seconds: Vec<(WorldNanos, Option<i8>)>,
-    refusals: Vec<Setting>,
-    sent_bytes: usize,
-}
-
-impl Board {
-    fn new() -> Self {
-        Self::at(BAUD)
-    }
-
-    fn at(baud: u32) -> Self {
-        Self {
-            session: Session::at(baud),
-            link: Link::at(baud),
-            baud,
-            now: WorldNanos(0),
-            leaving: None,
-            tuned: Vec::new(),
-            marks: Vec::new(),
-            waits_us: Vec::new(),
-            leap_seconds: Vec::new(),
-            refusals: Vec::new(),
-            sent_bytes: 0,
-        }
-    }
-
-    /// Does what the session asks for.
-    fn act(&mut self) {
-        while let Some(action) = self.session.poll(cycles(self.now)) {
-            match action {
-                Action::SetBaud(baud) => {
-                    assert!(self.leaving.is_none(), "a rate is set while bytes leave");
-                    self.baud = baud;
-                    self.link.handle_baud(baud);
-                    self.tuned.push((self.now, baud));
-                }
-                Action::Transmit(bytes) => {
-                    assert!(self.leaving.is_none(), "bytes are sent while others leave");
-                    let line_ns = bytes.len() as u64 * 10 * SECOND / u64::from(self.baud);
-                    self.sent_bytes += bytes.len();
-                    let end = self.now.plus(line_ns);
-                    self.leaving = Some((end, self.baud, bytes.to_vec()));
-                }
-            }
-        }
-        self.refusals
-            .extend(core::iter::from_fn(|| self.session.poll_refusal()));
-    }
-
-    /// Lives together with `talker` until `end`.
-    fn run(&mut self, talker: &mut dyn Talker, end: WorldNanos) {
-        loop {
-            self.act();
-            let leaves = self.leaving.as_ref().map(|(at, ..)| *at);
-            let wakes = self.session.poll_timeout().map(|at| {
-                // The first ns that is not before that cycle.
-                WorldNanos(at.as_nanos() + 1)
-            });
-            let speaks = talker.next_event();
-            let next = [leaves, wakes, speaks].into_iter().flatten().min();
-            let Some(next) = next.filter(|next| *next < end) else {
-                self.now = self.now.max(end);
-                return;
-            };
-            self.now = self.now.max(next);
-            if leaves.is_some_and(|at| at <= self.now)
-                && let Some((at, baud, bytes)) = self.leaving.take()
-            {
-                talker.handle_bytes(at, baud, &bytes);
-                self.session.handle_sent(cycles(self.now));
-            }
-            while let Some(burst) = talker.poll(self.now) {
-                if burst.baud == self.baud {
-                    self.receive(&burst, talker);
-                }
-            }
-        }
-    }
-
-    fn receive(&mut self, burst: &world::Transmission, talker: &dyn Talker) {
-        // The burst is over before anything else happens: nothing here depends on
-        // the order within it.
-        let end = cycles(burst.end());
-        let stamped: Vec<_> = (0..)
-            .zip(&burst.bytes)
-            .map(|(index, &byte)| timebase::StampedByte {
-                stamp: cycles(burst.byte_end(index)).stamp(),
-                byte,
-            })
-            .collect();
-        for chunk in stamped.chunks(Link::ROOM) {
-            self.link.push(chunk);
-            let then = chunk.last().map_or(end, |byte| byte.stamp.extend(end));
-            while let Some(mut event) = self.link.poll(then) {
-                self.session.handle_event(cycles(self.now), &event);
-                self.session.limit_wait(&mut event);
-                match event {
-                    Event::NavPvt { mark, .. } => {
-                        self.marks.push(burst.end());
-                        if let Some(sent) = talker.truth().last() {
-                            let late_ns = NOON_NS + sent.first_byte.0.cast_signed();
-                            let waited_ns = (late_ns - sent.epoch_utc_ns).unsigned_abs();
-                            let waited_us = waited_ns.saturating_sub(LATENCY_NS) / 1_000;
-                            self.waits_us.push((mark.busy_us, waited_us));
-                        }
-                    }
-                    Event::LeapSeconds(received) => {
-                        self.leap_seconds.push((burst.end(), received.count));
-                    }
-                    _ => {}
-                }
-            }
-            if let Some(what) = self.link.poll_unwanted() {
-                self.session.handle_unwanted(cycles(self.now), what);
-            }
-        }
-    }
-}
-
-/// Of every receiver here.
-const LATENCY_NS: u64 = 70_000_000;
-
-fn factory(baud: u32) -> ReceiverSettings {
-    ReceiverSettings {
-        port: Port {
-            baud,
-            ..Port::FACTORY
-        },
-        latency: Latency::constant(LATENCY_NS),
-        crystal_ppb: 0,
-        ..ReceiverSettings::new(NOON_NS)
-    }
-}
 
 #[test]
 fn a_receiver_is_found_and_configured_at_any_rate() {
@@ -193,15 +40,26 @@ fn found_and_configured(ours: u32) {
             assert_eq!(receiver.port(), configured, "from {baud}");
             assert!(board.session.is_done());
             let counters = board.session.counters();
-            assert_eq!((counters.rounds, counters.accepted), (1, 5), "from {baud}");
+            // At another rate it is saved, too.
+            let accepted = if baud == ours { 6 } else { 7 };
+            assert_eq!(
+                (counters.rounds, counters.accepted),
+                (1, accepted),
+                "from {baud}"
+            );
+            let saved = Port {
+                baud: ours,
+                ..Port::FACTORY
+            };
+            assert_eq!(receiver.saved_port(), saved, "from {baud}");
             assert_eq!(
                 (counters.refused, counters.unanswered),
                 (0, 0),
                 "from {baud}"
             );
-            // Five attempts of some 0.53 s at most, then the first epoch.
-            assert!(board.marks[0] < WorldNanos(3 * SECOND + SECOND / 2));
-            assert!(board.marks.len() > 5 * 56, "{}", board.marks.len());
+            // Six attempts of some 0.7 s at most, then the first epoch.
+            assert!(board.marks[0] < WorldNanos(5 * SECOND));
+            assert!(board.marks.len() > 5 * 54, "{}", board.marks.len());
             // Once frames arrive, no rate is tried.
             let first_mark = board.marks[0];
             assert!(board.tuned.iter().all(|(at, _)| *at < first_mark));
@@ -220,8 +78,8 @@ fn a_receiver_at_our_rate_never_sees_another() {
     board.run(&mut receiver, WorldNanos(3_600 * SECOND));
     assert_eq!(board.tuned, []);
     assert_eq!(board.session.counters().attempts, 1);
-    // CFG-PRT and the five settings, once: 28 + 14 + 11 + 44 + 40 + 11 bytes.
-    assert_eq!(board.sent_bytes, 148);
+    // Two polls and the six settings, once: 9 + 8 + 28 + 40 + 14 + 11 + 44 + 11 bytes.
+    assert_eq!(board.sent_bytes, 165);
 }
 
 #[test]
@@ -237,10 +95,10 @@ fn a_restarted_receiver_is_found_again() {
     board.run(&mut restarted, WorldNanos(30 * SECOND));
     assert_eq!(restarted.port(), Port::CONFIGURED);
     assert_eq!(board.session.counters().rounds, 2);
-    // 3 s of silence, an attempt at our rate and one at 9600, the first epoch.
+    // 3 s of silence, three attempts, the first epoch.
     let again = board.marks.iter().find(|at| **at > WorldNanos(10 * SECOND));
     assert!(
-        again.is_some_and(|at| *at < WorldNanos(15 * SECOND)),
+        again.is_some_and(|at| *at < WorldNanos(16 * SECOND)),
         "{again:?}"
     );
 }
@@ -266,7 +124,7 @@ fn forecasts_come_as_long_as_they_are_wanted() {
     }
     assert!(board.session.is_done());
     let counters = board.session.counters();
-    assert_eq!((counters.rounds, counters.accepted), (1, 8));
+    assert_eq!((counters.rounds, counters.accepted), (1, 10));
 
     // A receiver that restarts is configured again.
     let mut restarted = Receiver::new(factory(9_600));
@@ -274,50 +132,31 @@ fn forecasts_come_as_long_as_they_are_wanted() {
     assert_eq!(restarted.port(), with_forecasts);
 }
 
-/// A line without a receiver.
-struct NoReceiver;
-
-impl Talker for NoReceiver {
-    fn next_event(&self) -> Option<WorldNanos> {
-        None
-    }
-
-    fn poll(&mut self, _: WorldNanos) -> Option<world::Transmission> {
-        None
-    }
-
-    fn handle_bytes(&mut self, _: WorldNanos, _: u32, _: &[u8]) {}
-
-    fn truth(&self) -> &[world::Sent] {
-        &[]
-    }
-}
-
 #[test]
 fn an_hour_without_a_receiver_is_rounds_with_silence_between() {
     let mut board = Board::new();
     board.run(&mut NoReceiver, WorldNanos(3_600 * SECOND));
     let counters = board.session.counters();
-    // A round is five attempts of 0.50 s and their bytes, then 3 s.
+    // A round is six attempts of 0.60 s and their bytes, then 1 s.
     assert!(
-        (630..=660).contains(&counters.rounds),
+        (740..=780).contains(&counters.rounds),
         "{}",
         counters.rounds
     );
-    assert!(counters.attempts.abs_diff(counters.rounds * 5) < 5);
+    assert!(counters.attempts.abs_diff(counters.rounds * 6) < 6);
     assert_eq!(counters.unanswered, 0);
     // No rate is first in every round.
     let mut firsts: Vec<u32> = Vec::new();
     let mut last = WorldNanos(0);
     for (at, baud) in &board.tuned {
-        if at.0 - last.0 >= 3 * SECOND && *baud != BAUD {
+        if at.0 - last.0 >= SECOND * 14 / 10 && *baud != BAUD {
             firsts.push(*baud);
         }
         last = *at;
     }
     firsts.sort_unstable();
     firsts.dedup();
-    assert_eq!(firsts, [9_600, 38_400, 57_600, 230_400]);
+    assert_eq!(firsts, [9_600, 38_400, 57_600, 230_400, 460_800]);
 }
 
 #[test]
@@ -342,7 +181,7 @@ fn a_receiver_that_sends_and_does_not_receive_is_left_at_its_rate() {
     let expected = SessionCounters {
         rounds: 1,
         attempts: 1,
-        unanswered: 5 * u32::from(Session::TRIES),
+        unanswered: 7 * u32::from(Session::TRIES),
         ..SessionCounters::default()
     };
     assert_eq!(board.session.counters(), expected);
@@ -364,30 +203,37 @@ fn a_refusal_is_counted_and_the_session_goes_on() {
         session.handle_sent(now);
         assert_eq!(session.poll(now), None);
         match seen.last() {
-            Some(&(class, id)) if id != 0 => {
+            // What it is it does not say.
+            Some((0x0a, _)) => now = session.poll_timeout().expect("an answer is waited for"),
+            Some(&(class, id)) => {
                 // An answer to another setting is ignored.
-                session.handle_event(now, &Event::Nak { class, id: 0x3e });
-                assert_eq!(session.poll(now), None);
+                if seen.len() > 1 {
+                    session.handle_event(now, &Event::Nak { class, id: 0x3e });
+                    assert_eq!(session.poll(now), None);
+                }
                 session.handle_event(now, &Event::Nak { class, id });
                 reported.extend(session.poll_refusal());
             }
-            _ => now = session.poll_timeout().expect("the receiver settles"),
+            None => panic!("nothing is sent"),
         }
     }
     let refused = [
+        Setting::Port,
+        Setting::Pulse,
         Setting::Rate,
         Setting::Message,
         Setting::Navigation,
-        Setting::Pulse,
         Setting::Forecasts { on: false },
     ];
-    // Each is asked for three times, then it is named.
+    // The port is polled; then each is asked for three times, and it is named.
     let thrice = refused.iter().flat_map(|setting| [*setting; 3]);
-    let order: Vec<_> = [Setting::Port].into_iter().chain(thrice).collect();
-    let messages: Vec<_> = order.into_iter().map(Setting::message).collect();
-    assert_eq!(seen, messages);
+    let polls = [Setting::Port].into_iter().chain([Setting::Version; 3]);
+    let messages = polls
+        .chain(thrice)
+        .map(|setting| setting.message(Generation::Messages));
+    assert_eq!(seen, messages.collect::<Vec<_>>());
     assert_eq!(reported, refused);
-    assert_eq!(session.counters().refused, 15);
+    assert_eq!(session.counters().refused, 18);
     assert_eq!(session.pulse_width_us(), None);
     // What was refused is not asked for again, but for another wish.
     assert_eq!(session.poll(now), None);
@@ -496,7 +342,7 @@ fn what_goes_on_although_it_was_switched_off_is_named_once() {
                 panic!("no rate is tried: {action:?}")
             };
             let (class, id) = (bytes[2], bytes[3]);
-            if bytes[6..9] == [0x0a, 0x09, 0] {
+            if bytes.get(6..9) == Some(&[0x0a, 0x09, 0]) {
                 asked.push(tenth / 10);
             }
             session.handle_sent(now);
@@ -577,7 +423,7 @@ fn a_late_acknowledgement_of_the_pulse_is_one() {
     }
     assert!(session.is_done());
     assert_eq!(session.pulse_width_us(), None);
-    let (class, id) = Setting::Pulse.message();
+    let (class, id) = Setting::Pulse.message(Generation::Messages);
     session.handle_event(now, &Event::Ack { class, id });
     assert_eq!(session.pulse_width_us(), Some(PULSE_WIDTH_US));
 }
@@ -701,9 +547,10 @@ fn the_simulated_receiver_reads_the_same_frames() {
     // The frames that the session sends are frames to an independent reader.
     let mut session = Session::new();
     let Some(Action::Transmit(bytes)) = session.poll(Cycles::BOOT) else {
-        panic!("CFG-PRT comes first")
+        panic!("CFG-PRT is polled first")
     };
     let frames = ubx::find_frames(bytes, |_, _, _| true);
     assert_eq!(frames.len(), 1);
-    assert_eq!((frames[0].class, frames[0].id), Setting::Port.message());
+    let port = Setting::Port.message(Generation::Messages);
+    assert_eq!((frames[0].class, frames[0].id), port);
 }

@@ -1,7 +1,7 @@
 //! The receiver's configuration: between the session that knows what to send and the line.
 
-use timebase::{CORE_HZ, Cycles};
-use ubx_link::{Action, Event, Session, SessionCounters, Setting, Unwanted};
+use timebase::{CORE_HZ, Cycles, StampedByte};
+use ubx_link::{Action, Event, Finding, Session, SessionCounters, Setting, Unwanted};
 
 use crate::drivers::uart::Writer;
 use crate::settings;
@@ -30,6 +30,14 @@ impl Configuration {
         Self {
             session: Session::trying(baud),
             is_sending: false,
+        }
+    }
+
+    /// Takes bytes of the receiver. Before the messages in them.
+    #[inline]
+    pub fn handle_bytes(&mut self, now: Cycles, bytes: &[StampedByte]) {
+        if self.session.wants_bytes() {
+            self.session.handle_bytes(now, bytes);
         }
     }
 
@@ -62,6 +70,17 @@ impl Configuration {
     #[inline]
     pub const fn poll_refusal(&mut self) -> Option<Setting> {
         self.session.poll_refusal()
+    }
+
+    /// What is new about the receiver.
+    #[inline]
+    pub fn poll_finding(&mut self) -> Option<Finding> {
+        self.session.poll_finding()
+    }
+
+    /// What is known of the receiver.
+    pub const fn finding(&self) -> Finding {
+        self.session.finding()
     }
 
     /// Sets whether the receiver is to forecast its pulse. Before [`Self::drive`].

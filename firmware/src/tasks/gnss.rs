@@ -80,7 +80,7 @@ impl Gnss {
 
     /// Takes what came over the receiver's line.
     fn handle_messages(&mut self, now: Cycles) {
-        self.receiver.take();
+        self.receiver.take(now);
         while let Some(event) = self.receiver.poll(now) {
             match event {
                 Event::NavPvt { mark, .. } => self.handle_mark(&mark),

@@ -81,8 +81,8 @@ pub async fn run(line: (Reader, Writer)) {
         {
             sleep(us).await;
         }
-        receiver.take();
         let now = time::now();
+        receiver.take(now);
         while let Some(event) = receiver.poll(now) {
             if let Event::NavPvt { mark, .. } = event {
                 search.handle_nav_pvt();

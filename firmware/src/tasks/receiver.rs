@@ -6,7 +6,7 @@
 
 use embassy_time::Instant;
 use timebase::{CORE_HZ, Cycles, Fix};
-use ubx_link::{Event, Link};
+use ubx_link::{Event, Finding, Link};
 
 use super::configuration::Configuration;
 use crate::clock_events::{self, ClockEvent};
@@ -60,9 +60,10 @@ impl Receiver {
     }
 
     /// Takes the bytes that are there. After that, [`Self::poll`] until it returns `None`.
-    pub fn take(&mut self) {
+    pub fn take(&mut self, now: Cycles) {
         self.reader.take(|bytes| {
             self.link.push(bytes);
+            self.configuration.handle_bytes(now, bytes);
         });
     }
 
@@ -112,6 +113,10 @@ impl Receiver {
             );
             clock_events::push(ClockEvent::Refused(setting));
         }
+        if let Some(finding) = self.configuration.poll_finding() {
+            log(finding);
+            clock_events::push(ClockEvent::Receiver(finding));
+        }
     }
 
     /// When to call [`Self::poll`] and [`Self::configure`] again if no byte comes.
@@ -128,9 +133,30 @@ impl Receiver {
         ReceiverReport {
             link: self.link.counters(),
             session: self.configuration.counters(),
+            finding: self.configuration.finding(),
             line: self.reader.errors(),
             fix: self.fix,
         }
+    }
+}
+
+/// What is new about the receiver, into the log.
+fn log(finding: Finding) {
+    match finding {
+        Finding::Searching => {}
+        Finding::Silent => defmt::warn!("no receiver answers"),
+        Finding::Unnamed => defmt::warn!("the receiver does not say what it is"),
+        Finding::Used(identity) => defmt::info!(
+            "the receiver is {=str}, {=str}, protocol {=u16}/100",
+            identity.model(),
+            identity.firmware(),
+            identity.protocol()
+        ),
+        Finding::Unused(identity, why) => defmt::warn!(
+            "the receiver is {=str} and not used: {=str}",
+            identity.model(),
+            why.reason()
+        ),
     }
 }
 

@@ -8,6 +8,7 @@
 
 use defmt::{Format, Formatter};
 use embassy_time::{Duration, Ticker};
+use ubx_link::Finding;
 use utc_clock::{ClockState, Reading};
 
 use crate::drivers::time;
@@ -138,6 +139,7 @@ struct Gnss(Option<GnssReport>);
 impl Format for Gnss {
     fn format(&self, f: Formatter) {
         let Some(report) = self.0 else { return };
+        receiver(f, report.receiver.finding);
         nonzero!(f, report.receiver.link, {
             "gps_bad_checksums": bad_checksums,
             "gps_truncated": truncated,
@@ -168,6 +170,32 @@ impl Format for Gnss {
             "gps_incoming_full": incoming_full,
             "gps_outgoing_full": outgoing_full,
         });
+    }
+}
+
+/// What is known of the receiver; blanks of its words are underscores.
+fn receiver(f: Formatter, finding: Finding) {
+    let identity = match finding {
+        Finding::Searching => return word(f, defmt::intern!("receiver"), "searching"),
+        Finding::Silent => return word(f, defmt::intern!("receiver"), "none"),
+        Finding::Unnamed => return word(f, defmt::intern!("receiver"), "unnamed"),
+        Finding::Used(identity) => identity,
+        Finding::Unused(identity, why) => {
+            word(f, defmt::intern!("receiver_unused"), why.reason());
+            identity
+        }
+    };
+    word(f, defmt::intern!("receiver"), identity.model());
+    word(f, defmt::intern!("receiver_firmware"), identity.firmware());
+    defmt::write!(f, " receiver_protocol={=u16}", identity.protocol());
+}
+
+/// Writes ` key=text`, its blanks as underscores.
+fn word(f: Formatter, key: defmt::Str, text: &str) {
+    defmt::write!(f, " {=istr}", key);
+    for (nth, part) in text.split(' ').enumerate() {
+        let before = if nth == 0 { '=' } else { '_' };
+        defmt::write!(f, "{=char}{=str}", before, part);
     }
 }
 

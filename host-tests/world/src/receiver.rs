@@ -1,4 +1,4 @@
-//! A simulated u-blox M8: time marks with their latency, and its configuration.
+//! A simulated u-blox receiver: time marks with their latency, and its configuration.
 //!
 //! *Purpose.* The far end of the GPS line in `sim`, in `qemu` and in tests: it is
 //! configured like a real one and sends the time like a real one.
@@ -9,15 +9,18 @@
 //! first solution after each pulse and forecasts the next one in
 //! [`Pulses`](crate::Pulses). What the line cannot take waits; what has to wait for too long is lost.
 //!
-//! *Limits.* It understands CFG-PRT, CFG-MSG, CFG-RATE, CFG-NAV5, CFG-INF and CFG-TP5, and the poll
-//! of NAV-TIMELS; any other CFG is refused with ACK-NAK, anything else is not answered. Of CFG-TP5 it
-//! takes the widths. A whole solution is lost, where a real one drops the messages that do not fit.
+//! At a restart it is silent for [`BOOT_NS`], and then as its memory has it.
+//!
+//! *Limits.* Of what is not configuration it answers the polls of NAV-TIMELS, MON-VER and CFG-PRT. A
+//! whole solution is lost, where a real one drops the messages that do not fit. Its pulse goes on through a
+//! restart.
 
 use std::collections::VecDeque;
 
 use crate::arrivals::{Solution, Solver};
 use crate::chance::{Stream, stream};
-use crate::pulse::{PulsePort, Pulses, Widths};
+use crate::configuration::{Configuration, UBX};
+use crate::pulse::Pulses;
 use crate::pulse_maker::PulseMaker;
 use crate::settings::{LeftOn, Port, ReceiverSettings};
 use crate::talker::{Sent, Talker, Transmission, WorldNanos, line_ns};
@@ -28,8 +31,8 @@ use crate::ubx::{self, Claims};
 const ANSWER_NS: u64 = 5_000_000;
 /// The largest configuration frame that is understood. \[bytes\]
 const RECEIVED_MAX: usize = 256;
-/// The shortest navigation period that is accepted, in ms (M8: 18 Hz).
-const PERIOD_MIN_MS: u16 = 55;
+/// From a restart to the first solution that may leave, in ns.
+const BOOT_NS: u64 = 1_000_000_000;
 const NS_PER_S: i64 = 1_000_000_000;
 
 /// An answer that is on its way to the line.
@@ -44,13 +47,15 @@ struct Answer {
 #[derive(Clone, Debug)]
 pub struct Receiver {
     settings: ReceiverSettings,
-    port: Port,
+    configuration: Configuration,
     rng: fastrand::Rng,
     solver: Solver,
     solution: Solution,
     pulses: PulseMaker,
-    pulse_port: PulsePort,
-    left_on: Vec<LeftOn>,
+    /// Restarts to come.
+    restarts: VecDeque<WorldNanos>,
+    /// Until then it takes and sends nothing.
+    off_until: WorldNanos,
     /// Epochs so far, for messages that leave at every n-th one.
     epochs: u64,
     /// Pulses that were forecast so far, for TIM-TP that leaves at every n-th one.
@@ -65,17 +70,17 @@ impl Receiver {
     /// A receiver that is powered at the world's start.
     #[must_use]
     pub fn new(settings: ReceiverSettings) -> Self {
-        let port = settings.port;
         let mut solver = Solver::new(&settings);
-        let solution = solver.solve_after(settings.utc_at_start_ns, port.period_ns());
+        let on_utc_ns = settings.utc_at_start_ns + settings.power_on.0.cast_signed();
+        let solution = solver.solve_after(on_utc_ns, settings.port.period_ns());
         Self {
-            port,
+            configuration: Configuration::new(&settings),
             rng: stream(settings.seed, Stream::Answers),
             solver,
             solution,
             pulses: PulseMaker::new(&settings),
-            pulse_port: PulsePort::new(&settings.pulse),
-            left_on: settings.left_on.clone(),
+            restarts: settings.restarts.iter().copied().collect(),
+            off_until: settings.power_on,
             epochs: 0,
             forecasts: 0,
             answers: VecDeque::new(),
@@ -89,18 +94,25 @@ impl Receiver {
     /// How its port and rate stand now.
     #[must_use]
     pub const fn port(&self) -> Port {
-        self.port
+        self.configuration.port()
+    }
+
+    /// How they will stand after a restart.
+    #[must_use]
+    pub const fn saved_port(&self) -> Port {
+        self.configuration.saved_port()
     }
 
     /// What it makes on its pulse's wire, as wide as CFG-TP5 asks for.
     #[must_use]
     pub fn pulses(&self) -> Pulses {
-        Pulses::at(self.pulse_port.clone(), &self.settings)
+        Pulses::at(self.configuration.pulse_port(), &self.settings)
     }
 
     /// The messages beside those of its port that it still sends.
     pub fn left_on(&self) -> impl Iterator<Item = &LeftOn> {
-        self.left_on.iter().filter(|left| left.every > 0)
+        let left_on = self.configuration.left_on().iter();
+        left_on.filter(|left| left.every > 0)
     }
 
     /// True UTC at `at`, since 1970. \[ns\]
@@ -111,7 +123,7 @@ impl Receiver {
 
     /// Draws what follows the solution whose epoch on the grid was `utc_ns`.
     fn solve_after(&mut self, utc_ns: i64) {
-        self.solution = self.solver.solve_after(utc_ns, self.port.period_ns());
+        self.solution = self.solver.solve_after(utc_ns, self.port().period_ns());
     }
 
     /// What it claims at `at`: a cold start goes through the stages of a real
@@ -149,23 +161,27 @@ impl Receiver {
             self.solve_after(wanted_utc_ns);
             return None;
         }
-        let every = u64::from(self.port.nav_pvt_every);
-        let baud = self.port.baud;
+        let port = self.port();
+        let every = u64::from(port.nav_pvt_every);
+        let baud = port.baud;
         let mut bytes = Vec::new();
         // `checked_rem`, because 0 means never.
-        if self.epochs.checked_rem(every) == Some(0) {
+        if let Some(length) = self.settings.model.nav_pvt_len()
+            && port.ubx
+            && self.epochs.checked_rem(every) == Some(0)
+        {
             let (class, id) = ubx::NAV_PVT;
             let payload = ubx::nav_pvt_payload(epoch_utc_ns, self.claims(start));
-            bytes.extend(ubx::frame(class, id, &payload));
+            bytes.extend(ubx::frame(class, id, &payload[..length]));
             self.truth.push(Sent {
                 epoch_utc_ns,
                 first_byte: start,
             });
         }
-        if self.port.nmea {
+        if port.nmea {
             bytes.extend(ubx::rmc(epoch_utc_ns));
         }
-        for left in &self.left_on {
+        for left in self.configuration.left_on().iter().filter(|_| port.ubx) {
             if self.epochs.checked_rem(left.every.into()) == Some(0) {
                 let (class, id) = left.message;
                 let mut noise = fastrand::Rng::with_seed(self.epochs);
@@ -173,7 +189,7 @@ impl Receiver {
                 bytes.extend(ubx::frame(class, id, &payload));
             }
         }
-        if self.port.tim_tp_every > 0 {
+        if port.ubx && port.tim_tp_every > 0 {
             bytes.extend(self.forecast(start, bytes.len(), error_ns));
         }
         self.solve_after(wanted_utc_ns);
@@ -183,7 +199,7 @@ impl Receiver {
     /// TIM-TP for the first pulse after it, behind `bytes` others that begin to
     /// leave at `start`; nothing if that pulse was forecast before, or never comes.
     fn forecast(&mut self, start: WorldNanos, bytes: usize, error_ns: i64) -> Vec<u8> {
-        let end = start.plus(line_ns(bytes + ubx::TIM_TP_FRAME_LEN, self.port.baud));
+        let end = start.plus(line_ns(bytes + ubx::TIM_TP_FRAME_LEN, self.port().baud));
         let utc_s = self.utc_ns(end).div_euclid(NS_PER_S) + 1;
         let made = match self.pulses.make_for(utc_s) {
             Some(made) if utc_s * NS_PER_S >= self.utc_ns(self.settings.pulse.from) => made,
@@ -192,7 +208,7 @@ impl Receiver {
         self.forecasts += 1;
         if !self
             .forecasts
-            .is_multiple_of(u64::from(self.port.tim_tp_every))
+            .is_multiple_of(u64::from(self.port().tim_tp_every))
         {
             return Vec::new();
         }
@@ -203,9 +219,33 @@ impl Receiver {
 
     /// Answers one frame.
     fn answer(&mut self, now: WorldNanos, class: u8, id: u8, payload: &[u8]) {
-        match (class, payload) {
-            (0x06, [_, ..]) => self.configure(now, id, payload),
-            (_, []) if (class, id) == ubx::NAV_TIMELS => {
+        match (class, id, payload) {
+            (0x06, 0x00, [1]) => {
+                let port = self.configuration.port_payload();
+                if let Some(payload) = port {
+                    self.queue(now, self.port().baud, &ubx::frame(0x06, 0x00, &payload));
+                }
+                self.acknowledge(now, self.port().baud, 0x00, port.is_some());
+            }
+            (0x06, _, [_, ..]) => {
+                let before = self.port();
+                let accepted = self.configuration.configure(id, payload);
+                let after = self.port();
+                let utc_ns = self.utc_ns(now);
+                // One that is on its way already still comes.
+                if before.period_ms != after.period_ms && self.solution.wanted_utc_ns > utc_ns {
+                    self.solve_after(utc_ns);
+                }
+                // At which speed a change of speed is acknowledged is not defined.
+                let is_old = self.rng.bool();
+                let baud = if is_old { before.baud } else { after.baud };
+                self.acknowledge(now, baud, id, accepted);
+            }
+            (0x0a, 0x04, []) => {
+                let payload = self.settings.model.version_payload();
+                self.queue(now, self.port().baud, &ubx::frame(class, id, &payload));
+            }
+            (_, _, []) if (class, id) == ubx::NAV_TIMELS => {
                 let ready = now.plus(ANSWER_NS);
                 let is_resolved = ready >= self.settings.leap_resolved();
                 let count = if is_resolved {
@@ -214,102 +254,35 @@ impl Receiver {
                     self.settings.leap.built_with
                 };
                 let payload = ubx::nav_timels_payload(self.utc_ns(ready), count, is_resolved);
-                self.answers.push_back(Answer {
-                    ready,
-                    baud: self.port.baud,
-                    bytes: ubx::frame(class, id, &payload),
-                });
+                self.queue(now, self.port().baud, &ubx::frame(class, id, &payload));
             }
             _ => {}
         }
     }
 
-    /// Accepts or refuses one configuration frame.
-    fn configure(&mut self, now: WorldNanos, id: u8, payload: &[u8]) {
-        let old_baud = self.port.baud;
-        let subject = match (id, payload) {
-            (0x01, &[class, id, ..]) => (class, id),
-            _ => (0x06, id),
-        };
-        let accepted = match (id, payload) {
-            _ if self.settings.refuses.contains(&subject) => false,
-            (0x00, payload) => self.set_port(payload),
-            (0x01, &[class, id, every]) | (0x01, &[class, id, _, every, _, _, _, _]) => {
-                match (class, id) {
-                    ubx::NAV_PVT => self.port.nav_pvt_every = every,
-                    ubx::TIM_TP => self.port.tim_tp_every = every,
-                    message => {
-                        let mut left_on = self.left_on.iter_mut();
-                        if let Some(left) = left_on.find(|left| left.message == message) {
-                            left.every = every;
-                        }
-                    }
-                }
-                true
-            }
-            (0x08, &[low, high, _, _, _, _]) => {
-                let period_ms = u16::from_le_bytes([low, high]);
-                let accepted = period_ms >= PERIOD_MIN_MS;
-                if accepted {
-                    self.port.period_ms = period_ms;
-                    let utc_ns = self.utc_ns(now);
-                    // One that is on its way already still comes.
-                    if self.solution.wanted_utc_ns > utc_ns {
-                        self.solve_after(utc_ns);
-                    }
-                }
-                accepted
-            }
-            (0x02, payload) => payload.len() == 10,
-            (0x24, payload) => payload.len() == 36,
-            (0x31, payload) => self.set_pulse(payload),
-            _ => false,
-        };
-        // At which speed a change of speed is acknowledged is not defined.
-        let baud = if self.rng.bool() {
-            old_baud
-        } else {
-            self.port.baud
-        };
-        self.answers.push_back(Answer {
-            ready: now.plus(ANSWER_NS),
-            baud,
-            bytes: ubx::frame(0x05, u8::from(accepted), &[0x06, id]),
-        });
+    /// An answer is on its way to the line, if its port has UBX.
+    fn queue(&mut self, now: WorldNanos, baud: u32, frame: &[u8]) {
+        if self.port().ubx {
+            self.answers.push_back(Answer {
+                ready: now.plus(ANSWER_NS),
+                baud,
+                bytes: frame.to_vec(),
+            });
+        }
     }
 
-    /// CFG-TP5: the widths of the pulse, of a second's period and given in µs.
-    fn set_pulse(&mut self, payload: &[u8]) -> bool {
-        let Some(payload) = payload.first_chunk::<32>() else {
-            return false;
-        };
-        let word = |at: usize| {
-            let word = [at, at + 1, at + 2, at + 3].map(|at| payload[at]);
-            u32::from_le_bytes(word)
-        };
-        // isLength and lockedOtherSet, and isFreq not.
-        if word(28) & 0x1c != 0x14 || word(12) != 1_000_000 {
-            return false;
-        }
-        self.pulse_port.set(Widths {
-            unlocked_ns: u64::from(word(16)) * 1_000,
-            locked_ns: u64::from(word(20)) * 1_000,
-        });
-        true
+    fn acknowledge(&mut self, now: WorldNanos, baud: u32, id: u8, accepted: bool) {
+        let frame = ubx::frame(0x05, u8::from(accepted), &[0x06, id]);
+        self.queue(now, baud, &frame);
     }
 
-    /// CFG-PRT: the speed and which protocols leave. UART1 only.
-    fn set_port(&mut self, payload: &[u8]) -> bool {
-        let &[1, _, _, _, _, _, _, _, b0, b1, b2, b3, _, _, out, _, ..] = payload else {
-            return false;
-        };
-        let baud = u32::from_le_bytes([b0, b1, b2, b3]);
-        let accepted = payload.len() == 20 && (4_800..=921_600).contains(&baud);
-        if accepted {
-            self.port.baud = baud;
-            self.port.nmea = out & 0x02 != 0;
-        }
-        accepted
+    /// Its power fails for a moment.
+    fn restart(&mut self, at: WorldNanos) {
+        self.answers.clear();
+        self.received.clear();
+        self.configuration.restart();
+        self.off_until = at.plus(BOOT_NS);
+        self.solve_after(self.utc_ns(self.off_until));
     }
 }
 
@@ -317,13 +290,19 @@ impl Talker for Receiver {
     fn next_event(&self) -> Option<WorldNanos> {
         let answer = self.answers.front().map(|answer| answer.ready);
         let first = answer.map_or(self.solution.ready, |ready| ready.min(self.solution.ready));
-        Some(first.max(self.line_free))
+        let leaves = first.max(self.line_free);
+        let restarts = self.restarts.front().copied();
+        Some(restarts.map_or(leaves, |at| leaves.min(at)))
     }
 
     fn poll(&mut self, now: WorldNanos) -> Option<Transmission> {
         let start = self.next_event()?;
         if start > now {
             return None;
+        }
+        if let Some(at) = self.restarts.pop_front_if(|at| *at <= start) {
+            self.restart(at);
+            return self.poll(now);
         }
         let answer = self
             .answers
@@ -337,7 +316,8 @@ impl Talker for Receiver {
     }
 
     fn handle_bytes(&mut self, now: WorldNanos, baud: u32, bytes: &[u8]) {
-        if baud != self.port.baud {
+        let is_reachable = now >= self.off_until && !self.settings.is_deaf;
+        if baud != self.port().baud || !is_reachable {
             self.received.clear();
             return;
         }
@@ -345,7 +325,10 @@ impl Talker for Receiver {
         let received = core::mem::take(&mut self.received);
         let mut done = received.len().saturating_sub(RECEIVED_MAX);
         for frame in ubx::find_frames(&received, |_, _, _| true) {
-            self.answer(now, frame.class, frame.id, frame.payload);
+            // What follows a change of its speed is noise.
+            if baud == self.port().baud && self.port().protocols_in & UBX != 0 {
+                self.answer(now, frame.class, frame.id, frame.payload);
+            }
             done = done.max(frame.end());
         }
         self.received = received[done..].to_vec();

@@ -10,6 +10,7 @@
 use crate::WorldNanos;
 use crate::faults::{PulseFault, Stall, TimeFault};
 use crate::latency::Latency;
+use crate::model::Model;
 use crate::ubx;
 
 /// The receiver's port and rate, as they stand at power-on and as CFG-PRT,
@@ -26,6 +27,10 @@ pub struct Port {
     pub tim_tp_every: u8,
     /// Whether NMEA (here one RMC sentence an epoch) leaves, too.
     pub nmea: bool,
+    /// Whether UBX leaves: without it nothing is answered.
+    pub ubx: bool,
+    /// Which protocols it takes, as in the mask of CFG-PRT.
+    pub protocols_in: u8,
 }
 
 impl Port {
@@ -36,6 +41,8 @@ impl Port {
         nav_pvt_every: 0,
         tim_tp_every: 0,
         nmea: true,
+        ubx: true,
+        protocols_in: 0x07,
     };
 
     /// As this firmware configures it: NAV-PVT alone, 5 Hz at 115200.
@@ -45,6 +52,8 @@ impl Port {
         nav_pvt_every: 1,
         tim_tp_every: 0,
         nmea: false,
+        ubx: true,
+        protocols_in: 0x01,
     };
 
     /// From epoch to epoch. \[ns\]
@@ -157,13 +166,23 @@ pub struct ReceiverSettings {
     /// computed at a 1 kHz tick of that crystal, so that any value but 0 makes
     /// `nano` a sawtooth of ±0.5 ms around the wanted epoch.
     pub crystal_ppb: i32,
-    /// Its port at power-on.
+    /// What it is.
+    pub model: Model,
+    /// Its port at power-on, as its memory has it.
     pub port: Port,
     /// What else it sends.
     pub left_on: Vec<LeftOn>,
     /// Class and id of what it answers with ACK-NAK: of a CFG message, or of the message that
     /// CFG-MSG is about.
     pub refuses: Vec<(u8, u8)>,
+    /// Keys that it does not know.
+    pub refuses_keys: Vec<u32>,
+    /// Whether it takes nothing of what it is sent.
+    pub is_deaf: bool,
+    /// When it has power; it takes nothing before.
+    pub power_on: WorldNanos,
+    /// When it restarts, in their order: what is not in its memory is lost then.
+    pub restarts: Vec<WorldNanos>,
     /// How long a message may have to wait for the line before its queue is full and it is lost. \[ns\]
     pub queue_ns: u64,
     /// What it knows of leap seconds.
@@ -187,9 +206,14 @@ impl ReceiverSettings {
             latency: Latency::half_normal(60_900_000, 4_600_000),
             cold_start_ns: 0,
             crystal_ppb: 600,
+            model: Model::M8,
             port: Port::FACTORY,
             left_on: Vec::new(),
             refuses: Vec::new(),
+            refuses_keys: Vec::new(),
+            is_deaf: false,
+            power_on: WorldNanos(0),
+            restarts: Vec::new(),
             queue_ns: u64::MAX,
             leap: LeapKnowledge::RESOLVED,
             stalls: Vec::new(),

@@ -3,7 +3,7 @@
 //! *Purpose.* Bytes of the line become [`Event`]s: a NAV-PVT a [`TimeMark`](timebase::TimeMark) and
 //! a [`Fix`], a TIM-TP a [`PulseForecast`](timebase::PulseForecast). And a receiver is configured,
 //! whatever its settings were: 115200 baud, NAV-PVT alone at 5 Hz, and TIM-TP while it is wanted.
-//! NAV-TIMELS is polled. With each of them comes for how long the line had been busy before it.
+//! NAV-TIMELS is polled, and what the receiver is ([`Identity`]). With each of them comes for how long the line had been busy before it.
 //! The types that matter:
 //!
 //! - [`Link`], which takes bytes and finds the frames in them;
@@ -15,8 +15,9 @@
 //! ours, at a cost that no stream can raise. Each whole frame goes once through the crate `ublox`,
 //! which is not in the interface.
 //!
-//! *Limits.* u-blox M8, protocol 15 to 23, over a UART. Only NAV-PVT, TIM-TP, NAV-TIMELS, ACK-ACK
-//! and ACK-NAK are understood; everything else on the line is skipped and counted.
+//! *Limits.* u-blox M8 (protocol 15 to 23), M9, M10, F9, F10 and X20 (27 to 50), over a UART. Only
+//! NAV-PVT of 92 bytes, TIM-TP, NAV-TIMELS, ACK-ACK and ACK-NAK are understood, and MON-VER and CFG-PRT
+//! when they are asked for; everything else on the line is skipped and counted.
 //!
 //! ```
 //! use timebase::{Cycles, StampedByte};
@@ -45,11 +46,11 @@
 //! assert_eq!((mark.epoch.year, mark.epoch.hour), (2026, 4));
 //! assert_eq!(mark.arrival, arrival(2));
 //!
-//! // The receiver is there, so its settings are sent: the first is CFG-RATE.
+//! // The receiver is there, so it is asked what it is: MON-VER.
 //! let mut session = Session::new();
 //! session.handle_event(now, &event);
-//! let Some(Action::Transmit(setting)) = session.poll(now) else { panic!("nothing to do") };
-//! assert_eq!(setting[2..4], [0x06, 0x08]);
+//! let Some(Action::Transmit(poll)) = session.poll(now) else { panic!("nothing to do") };
+//! assert_eq!(poll[2..4], [0x0a, 0x04]);
 //! ```
 #![no_std]
 #![forbid(unsafe_code)]
@@ -60,9 +61,12 @@
     clippy::indexing_slicing
 )]
 
+mod answers;
 mod config;
 mod event;
 mod fletcher;
+mod identity;
+mod keys;
 mod kind;
 pub mod link;
 pub mod session;
@@ -71,7 +75,8 @@ mod window;
 
 pub use config::{BAUD, BAUDS, PULSE_WIDTH_US, Setting};
 pub use event::Event;
+pub use identity::{Generation, Identity, Unusable};
 pub use link::{Link, LinkCounters};
-pub use session::{Action, Session, SessionCounters};
+pub use session::{Action, Finding, Session, SessionCounters};
 pub use timebase::Fix;
 pub use unwanted::Unwanted;

@@ -6,6 +6,7 @@ use fault_record::{Place, Reason};
 use heapless::{String, Vec};
 use mavlink_node::{Severity, difference};
 use timebase::divide;
+use ubx_link::Finding;
 
 use crate::clock_events::ClockEvent;
 use crate::story;
@@ -16,6 +17,9 @@ type Text = String<50>;
 pub fn statustext(event: ClockEvent) -> (Severity, Text) {
     if let ClockEvent::Restarted { reason, place } = event {
         return (Severity::Error, restarted(reason, place));
+    }
+    if let ClockEvent::Receiver(finding) = event {
+        return receiver(finding);
     }
     let mut text = Text::new();
     let (severity, before, number, behind) = match event {
@@ -39,6 +43,7 @@ pub fn statustext(event: ClockEvent) -> (Severity, Text) {
             (Severity::Warning, "receiver refuses ", None, setting.name())
         }
         ClockEvent::Restarted { .. } => (Severity::Error, "restarted", None, ""),
+        ClockEvent::Receiver(_) => (Severity::Info, "GNSS", None, ""),
         ClockEvent::LogFull => (Severity::Warning, "log full", None, ""),
         ClockEvent::Saved { file, samples } => {
             push_number(&mut text, samples.into());
@@ -64,6 +69,37 @@ pub fn statustext(event: ClockEvent) -> (Severity, Text) {
         push_number(&mut text, number);
     }
     let _ = text.push_str(behind);
+    (severity, text)
+}
+
+/// What is known of the receiver. Its names have at most 16 characters.
+fn receiver(finding: Finding) -> (Severity, Text) {
+    let mut text = Text::new();
+    let (severity, words) = match &finding {
+        Finding::Searching | Finding::Silent => {
+            (Severity::Warning, ["no receiver answers", "", ""])
+        }
+        Finding::Unnamed => (Severity::Warning, ["no name, nothing answered", "", ""]),
+        Finding::Used(identity) => (Severity::Info, [identity.model(), " ", identity.firmware()]),
+        Finding::Unused(identity, why) => (
+            Severity::Warning,
+            [identity.model(), " unused: ", why.reason()],
+        ),
+    };
+    // All of it fits.
+    let _ = text.push_str("GNSS: ");
+    for word in words {
+        let _ = text.push_str(word);
+    }
+    if let Finding::Used(identity) = finding {
+        let hundredths = identity.protocol();
+        let _ = text.push_str(", UBX ");
+        push_number(&mut text, (hundredths / 100).into());
+        let _ = text.push('.');
+        for digit in [hundredths / 10 % 10, hundredths % 10] {
+            push_number(&mut text, digit.into());
+        }
+    }
     (severity, text)
 }
 

@@ -29,6 +29,7 @@ use timebase::{CORE_HZ, ClockState, Cycles, LeapSeconds, PulseEdge, PulseForecas
 
 use crate::counters::{Counters, bump};
 use crate::discipline::{Correction, Course, Discipline, Observation};
+use crate::float::float;
 use crate::gate::Gate;
 use crate::holdover::Uncertainty;
 use crate::model::{self, ClockModel};
@@ -642,7 +643,7 @@ impl<'a> UtcClock<'a> {
         let lasts = self.lasts();
         let begins_ns = self.uncertainty.at(model.at);
         let ends_ns = self.uncertainty.at(model.at.plus(lasts));
-        let lasts_s = lasts as f32 * (1.0 / CORE_HZ as f32);
+        let lasts_s = float(lasts.cast_signed()) * (1.0 / CORE_HZ as f32);
         let phase_ns = (begins_ns as u64)
             .saturating_add(1)
             .saturating_add(self.unabsorbed_ns.into())

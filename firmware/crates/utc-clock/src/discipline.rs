@@ -20,12 +20,13 @@ use timebase::{CORE_HZ, Cycles, LeapSeconds, Polarity, PulseEdge, PulseForecast}
 
 use crate::drift_guard::DriftGuard;
 use crate::envelope::{Envelope, EnvelopeEstimate, EnvelopeVerdict};
+use crate::float::float;
 use crate::holdover::{self, CRYSTAL_PPB, DRIFT_PPB_PER_S, Uncertainty, rate};
 use crate::refusal::{PulseRefusal, Refusal};
 use crate::second::{Judged, SECOND_NS, Second};
 use crate::settings::{LEARNT_UNCERTAINTY_NS, Settings};
 use crate::track::{PulseTrack, nearest_second};
-use crate::train::{CrystalKnown, EdgeHeard, Trains};
+use crate::train::{CrystalKnown, EdgeVerdict, Trains};
 use crate::utc::{Ppb, UtcNanos};
 
 /// A mark that waited longer than this behind other messages teaches the floor nothing. \[µs\]
@@ -516,38 +517,44 @@ impl Discipline {
         if edge.polarity == Polarity::Rise {
             self.note_rise(edge.at.as_nanos());
         }
-        let known = self.crystal_known(edge.at.as_nanos());
-        let (track, train, steady_s, rise) = match self.trains.handle_edge(edge, known) {
-            EdgeHeard::Noted => return Ok((Correction::Nothing, edge.at)),
-            EdgeHeard::Refused(refusal) => return Err(refusal),
-            EdgeHeard::Proved {
-                track,
+        let followed = self.followed.as_ref();
+        let (crystal_ppb, uncertainty_ppb) = (self.crystal_ppb, self.crystal_uncertainty_ppb);
+        let known = || CrystalKnown {
+            crystal_ppb,
+            uncertainty_ppb: crystal_uncertainty_ppb(followed, uncertainty_ppb, edge.at),
+        };
+        let (train, steady_s, rise) = match self.trains.handle_edge(edge, known) {
+            EdgeVerdict::Noted => return Ok((Correction::Nothing, edge.at)),
+            EdgeVerdict::Refused(refusal) => return Err(refusal),
+            EdgeVerdict::Proved {
                 train,
                 steady_s,
                 rise,
-            } => (track, train, steady_s, rise),
+            } => (train, steady_s, rise),
+        };
+        let Some(track) = self.trains.track(train) else {
+            return Err(PulseRefusal::Unnumbered);
         };
         let observed = observe(rise);
         let Some(clock_uncertainty_ns) = observed.uncertainty_ns else {
             return Err(PulseRefusal::Unnumbered);
         };
         let edge_ns = track.edge_ns();
-        let is_new = match self.followed {
+        let (is_new, second_ns) = match &self.followed {
             Some(followed) => {
-                let then_ns = followed
-                    .second_ns
-                    .saturating_add(followed.track.elapsed_ns(edge_ns));
-                let second_ns = nearest_second(then_ns);
-                let off_ns = then_ns.saturating_sub(second_ns) as f32;
+                let elapsed_ns = followed.track.elapsed_ns(edge_ns);
+                let seconds_ns = nearest_second(elapsed_ns);
+                let second_ns = followed.second_ns.saturating_add(seconds_ns);
+                let off_ns = float(elapsed_ns.saturating_sub(seconds_ns));
                 let is_same_train =
                     followed.train == train && followed.track.since_s(edge_ns) < PULSE_LASTS_S;
                 let is_same_phase =
-                    off_ns.abs() <= followed.track.uncertainty_ns(edge_ns) + SAME_TRAIN_NS;
-                let is_same = is_same_train || is_same_phase;
+                    || off_ns.abs() <= followed.track.uncertainty_ns(edge_ns) + SAME_TRAIN_NS;
+                let is_same = is_same_train || is_same_phase();
                 if !is_same {
                     let since_s = followed.track.since_s(edge_ns);
                     let unseen_s =
-                        edge_ns.wrapping_sub(followed.seen_ns).cast_signed() as f32 * 1e-9;
+                        float(edge_ns.wrapping_sub(followed.seen_ns).cast_signed()) * 1e-9;
                     if since_s > PULSE_LASTS_S && unseen_s < PULSE_LASTS_S {
                         // It is still there, if misshapen.
                         return Err(PulseRefusal::OffLine);
@@ -563,13 +570,7 @@ impl Discipline {
                         return Err(PulseRefusal::OffLine);
                     }
                 }
-                self.followed = Some(Followed {
-                    track,
-                    train,
-                    second_ns,
-                    seen_ns: edge_ns,
-                });
-                !is_same
+                (!is_same, second_ns)
             }
             None => {
                 let shown_ns = observed.published.0.saturating_add(self.shift_ns);
@@ -588,27 +589,28 @@ impl Discipline {
                 {
                     return Err(PulseRefusal::OffLine);
                 }
-                self.followed = Some(Followed {
-                    track,
-                    train,
-                    second_ns,
-                    seen_ns: edge_ns,
-                });
                 self.is_latency_learnt = false;
-                true
+                (true, second_ns)
             }
         };
+        let turned_ppb = track.turned_ppb();
         self.crystal_ppb = track.crystal_ppb();
         self.crystal_uncertainty_ppb = track.frequency_uncertainty_ppb();
-        let Some((utc_ns, uncertainty_ns)) = self.pulse_at(rise.as_nanos()) else {
-            return Err(PulseRefusal::Unnumbered);
-        };
-        let error_ns = utc_ns
+        self.followed = Some(Followed {
+            track: *track,
+            train,
+            second_ns,
+            seen_ns: edge_ns,
+        });
+        // Its track was moved to this pulse, and between that and its rise are some ns.
+        let uncertainty_ns = track.phase_uncertainty_ns();
+        let error_ns = second_ns
+            .saturating_add(track.elapsed_ns(rise.as_nanos()))
             .saturating_sub(self.shift_ns)
             .saturating_sub(observed.published.0);
         let course = Course {
             latency_uncertainty_ns: self.pulse_uncertainty_ns,
-            turned_ppb: track.turned_ppb(),
+            turned_ppb,
             absorb_ms: ABSORB_MS.1,
             longest_slew: LONGEST_SLEW.1,
             ..self.course(rise, error_ns, uncertainty_ns)
@@ -628,26 +630,11 @@ impl Discipline {
         let Some(followed) = &mut self.followed else {
             return;
         };
-        let utc_ns = followed
-            .second_ns
-            .saturating_add(followed.track.elapsed_ns(rise_ns));
-        let off_ns = utc_ns.saturating_sub(nearest_second(utc_ns)) as f32;
+        let elapsed_ns = followed.track.elapsed_ns(rise_ns);
+        let off_ns = float(elapsed_ns.saturating_sub(nearest_second(elapsed_ns)));
         let door_ns = followed.track.uncertainty_ns(rise_ns).min(MOST_DOOR_NS) + SAME_TRAIN_NS;
         if off_ns.abs() <= door_ns {
             followed.seen_ns = rise_ns;
-        }
-    }
-
-    /// What is known of the crystal, for a train that begins.
-    fn crystal_known(&self, local_ns: u64) -> CrystalKnown {
-        // What messages teach of it can be wrong by more than anybody knows.
-        let uncertainty_ppb = self.followed.as_ref().map_or(CRYSTAL_PPB, |followed| {
-            let drifted_ppb = 2.0 * DRIFT_PPB_PER_S * followed.track.since_s(local_ns);
-            (self.crystal_uncertainty_ppb + drifted_ppb).min(CRYSTAL_PPB)
-        });
-        CrystalKnown {
-            crystal_ppb: self.crystal_ppb,
-            uncertainty_ppb,
         }
     }
 
@@ -667,6 +654,15 @@ impl Discipline {
             longest_slew: LONGEST_SLEW.0,
         }
     }
+}
+
+/// How far off a crystal's frequency may be for a train that begins. \[ppb\]
+fn crystal_uncertainty_ppb(followed: Option<&Followed>, known_ppb: f32, at: Cycles) -> f32 {
+    // What messages teach of it can be wrong by more than anybody knows.
+    followed.map_or(CRYSTAL_PPB, |followed| {
+        let since_s = followed.track.since_s(at.as_nanos());
+        (known_ppb + 2.0 * DRIFT_PPB_PER_S * since_s).min(CRYSTAL_PPB)
+    })
 }
 
 impl Waits {

@@ -41,6 +41,7 @@ use survey::Survey;
 use trend::{Point, Trend, seconds};
 use wander::Wander;
 
+use crate::float::sqrt;
 use crate::holdover::{CRYSTAL_PPB, DRIFT_PPB_PER_S};
 
 /// A mark farther above the line is not remembered: 100 ms, the widest spread of
@@ -270,7 +271,7 @@ impl Envelope {
         } else {
             (EARLIER_AFTER_S, LATER_AFTER_S)
         };
-        let off_ppb = 2.0 * libm::sqrtf(self.variance);
+        let off_ppb = 2.0 * sqrt(self.variance);
         if excess_ns < NEAR_NS {
             self.away = None;
         } else {
@@ -386,7 +387,7 @@ impl Envelope {
             excess_ns: self.line.excess_ns(point),
             crystal_ppb: self.line.crystal_ppb,
             uncertainty_ns: self.uncertainty_ns(),
-            frequency_uncertainty_ppb: libm::sqrtf(self.variance).max(self.unexplained_ppb / 2.0),
+            frequency_uncertainty_ppb: sqrt(self.variance).max(self.unexplained_ppb / 2.0),
             slow_ppb: self.wander.slow_ppb(),
             is_fresh: self.age_s < WINDOW_S.0,
         }
@@ -425,7 +426,7 @@ impl Envelope {
             at_us: at_us as u32,
             ..self.line.moved_to(last_us as u32).raised(rise_ns as i32)
         };
-        let drifted_ns = (0.5 * ramp_ppb + libm::sqrtf(self.variance)) * silence_s;
+        let drifted_ns = (0.5 * ramp_ppb + sqrt(self.variance)) * silence_s;
         self.begin(
             at_us,
             Point {
@@ -555,9 +556,9 @@ impl Envelope {
         let gain = self.variance / (self.variance + slope_uncertainty * slope_uncertainty * worth);
         // At first the edge is hardly known: no bin moves the frequency farther than belief allows.
         let most_ppb = if self.is_young() {
-            2.0 * libm::sqrtf(self.variance)
+            2.0 * sqrt(self.variance)
         } else {
-            MOST_STEP_PPB.max(MOST_STEP_SIGMAS * libm::sqrtf(self.variance))
+            MOST_STEP_PPB.max(MOST_STEP_SIGMAS * sqrt(self.variance))
         };
         let moved_ppb = self.line.crystal_ppb + within(gain * slope_ppb, most_ppb);
         self.line.crystal_ppb = within(moved_ppb, CRYSTAL_PPB);
@@ -618,7 +619,7 @@ impl Envelope {
     fn uncertainty_ns(&self) -> f32 {
         let span_s = self.span_s();
         let bend_ns = DRIFT_PPB_PER_S * span_s * span_s / 16.0;
-        let tilt_ns = (0.2 * libm::sqrtf(self.variance)).max(0.5 * self.unexplained_ppb) * span_s;
+        let tilt_ns = (0.2 * sqrt(self.variance)).max(0.5 * self.unexplained_ppb) * span_s;
         let drifted_ns = if self.age_s < RETURN_S {
             self.drifted_ns
         } else {

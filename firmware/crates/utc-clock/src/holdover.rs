@@ -11,6 +11,7 @@
 
 use timebase::{CORE_HZ, Cycles};
 
+use crate::float::float;
 use crate::utc::Ppb;
 
 /// The fastest drift of a crystal: 1 ppm a minute. \[ppb/s\]
@@ -50,8 +51,9 @@ pub struct Uncertainty {
 impl Uncertainty {
     /// How far the clock may be off at `when`. \[ns\]
     #[must_use]
+    #[inline(never)] // Asked in many places: it may be small.
     pub fn at(&self, when: Cycles) -> f32 {
-        let s = when.since(self.at) as f32 * (1.0 / CORE_HZ as f32);
+        let s = float(when.since(self.at)) * (1.0 / CORE_HZ as f32);
         let s = if s < 0.0 { -s } else { s };
         let drifted_ppb = (0.5 * DRIFT_PPB_PER_S * s).min(SPECIFICATION_PPB);
         self.phase_ns + (self.frequency_ppb + drifted_ppb) * s

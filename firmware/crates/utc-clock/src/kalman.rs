@@ -9,6 +9,8 @@
 //!
 //! *Limits.* `f32`: a frequency of 50 ppm has a resolution of 4 · 10⁻³ ppb.
 
+use crate::float::sqrt;
+
 /// The noise that is assumed of a crystal and its measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Noise {
@@ -27,7 +29,7 @@ pub(crate) struct Noise {
 /// Phase, frequency and drift, with their covariance.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Kalman {
-    noise: Noise,
+    noise: &'static Noise,
     pub(crate) phase_ns: f32,
     pub(crate) frequency_ppb: f32,
     pub(crate) drift_ppb_per_s: f32,
@@ -48,7 +50,11 @@ struct Covariance {
 impl Kalman {
     /// A filter that has seen one measurement, of phase 0, of a crystal whose
     /// frequency is known to `uncertainty_ppb`.
-    pub(crate) const fn new(noise: Noise, frequency_ppb: f32, uncertainty_ppb: f32) -> Self {
+    pub(crate) const fn new(
+        noise: &'static Noise,
+        frequency_ppb: f32,
+        uncertainty_ppb: f32,
+    ) -> Self {
         Self {
             noise,
             phase_ns: 0.0,
@@ -137,12 +143,12 @@ impl Kalman {
 
     /// The standard deviation of the phase. \[ns\]
     pub(crate) fn phase_deviation_ns(&self) -> f32 {
-        libm::sqrtf(self.covariance.pp.max(0.0))
+        sqrt(self.covariance.pp)
     }
 
     /// The standard deviation of the frequency. \[ppb\]
     pub(crate) fn frequency_deviation_ppb(&self) -> f32 {
-        libm::sqrtf(self.covariance.ff.max(0.0))
+        sqrt(self.covariance.ff)
     }
 }
 
@@ -150,20 +156,20 @@ impl Kalman {
 mod tests {
     use super::*;
 
-    const QUIET: Noise = Noise {
+    static QUIET: Noise = Noise {
         phase_walk: 25.0,
         frequency_walk: 0.5,
         drift_variance: 0.0,
         drift_time_s: 300.0,
         measurement: 900.0,
     };
-    const RAMPING: Noise = Noise {
+    static RAMPING: Noise = Noise {
         drift_variance: 225.0,
         ..QUIET
     };
 
     /// The error of phase and frequency after `seconds` of exact measurements.
-    fn settle(noise: Noise, frequency_ppb: f32, drift: f32, seconds: u16) -> (f32, f32) {
+    fn settle(noise: &'static Noise, frequency_ppb: f32, drift: f32, seconds: u16) -> (f32, f32) {
         let mut filter = Kalman::new(noise, 0.0, 50_000.0);
         let truth = |t: f32| frequency_ppb * t + 0.5 * drift * t * t;
         let mut origin = 0.0;
@@ -184,7 +190,7 @@ mod tests {
 
     #[test]
     fn two_states_settle_on_a_constant_frequency() {
-        let (phase_ns, frequency_ppb) = settle(QUIET, 4_000.0, 0.0, 200);
+        let (phase_ns, frequency_ppb) = settle(&QUIET, 4_000.0, 0.0, 200);
         assert!(
             phase_ns.abs() < 1.0 && frequency_ppb.abs() < 0.1,
             "{phase_ns} {frequency_ppb}"
@@ -193,18 +199,18 @@ mod tests {
 
     #[test]
     fn three_states_settle_on_a_ramp_and_two_lag() {
-        let (phase_ns, frequency_ppb) = settle(RAMPING, 0.0, 10.0, 200);
+        let (phase_ns, frequency_ppb) = settle(&RAMPING, 0.0, 10.0, 200);
         assert!(
             phase_ns.abs() < 5.0 && frequency_ppb.abs() < 2.0,
             "{phase_ns} {frequency_ppb}"
         );
-        let (phase_ns, _) = settle(QUIET, 0.0, 10.0, 200);
+        let (phase_ns, _) = settle(&QUIET, 0.0, 10.0, 200);
         assert!(phase_ns.abs() > 100.0, "{phase_ns}");
     }
 
     #[test]
     fn uncertainty_shrinks_with_measurements_and_grows_without() {
-        let mut filter = Kalman::new(RAMPING, 0.0, 1_000.0);
+        let mut filter = Kalman::new(&RAMPING, 0.0, 1_000.0);
         for _ in 0..100 {
             filter.predict(1.0);
             filter.update(0.0);

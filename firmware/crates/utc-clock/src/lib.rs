@@ -134,6 +134,7 @@ mod counters;
 mod discipline;
 mod drift_guard;
 mod envelope;
+mod float;
 mod gate;
 mod holdover;
 mod kalman;

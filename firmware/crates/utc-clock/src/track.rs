@@ -14,6 +14,7 @@
 //!
 //! *Limits.* Which second a pulse marks is known to whoever asks: the track has the phase alone.
 
+use crate::float::{float, sqrt, whole};
 use crate::holdover::{CRYSTAL_PPB, DRIFT_PPB_PER_S};
 use crate::kalman::{Kalman, Noise};
 use crate::second::SECOND_NS;
@@ -27,7 +28,7 @@ const GATE_NS: f32 = 250.0;
 const MEASUREMENT: f32 = 30.0 * 30.0 + 11.9 * 11.9 / 12.0;
 
 /// A crystal at constant temperature.
-const QUIET: Noise = Noise {
+static QUIET: Noise = Noise {
     phase_walk: 25.0,
     frequency_walk: 0.5,
     drift_variance: 0.0,
@@ -36,9 +37,8 @@ const QUIET: Noise = Noise {
 };
 
 /// A crystal whose temperature moves: 1 ppm a minute is 16.7 ppb a second.
-const RAMPING: Noise = Noise {
+static RAMPING: Noise = Noise {
     drift_variance: 12.0 * 12.0,
-    drift_time_s: 100.0,
     ..QUIET
 };
 
@@ -123,8 +123,8 @@ impl PulseTrack {
     /// give or take `uncertainty_ppb`.
     pub(crate) const fn new(edge_ns: u64, crystal_ppb: f32, uncertainty_ppb: f32) -> Self {
         Self {
-            quiet: Kalman::new(QUIET, crystal_ppb, uncertainty_ppb),
-            ramping: Kalman::new(RAMPING, crystal_ppb, uncertainty_ppb),
+            quiet: Kalman::new(&QUIET, crystal_ppb, uncertainty_ppb),
+            ramping: Kalman::new(&RAMPING, crystal_ppb, uncertainty_ppb),
             lags_for: 0,
             bias: 0.0,
             surprise_ns: 0.0,
@@ -141,7 +141,7 @@ impl PulseTrack {
 
     /// From the last pulse to a time of the board's counter. \[s\]
     pub(crate) fn since_s(&self, local_ns: u64) -> f32 {
-        local_ns.wrapping_sub(self.edge_ns).cast_signed() as f32 * 1e-9
+        float(local_ns.wrapping_sub(self.edge_ns).cast_signed()) * 1e-9
     }
 
     const fn filter(&self) -> &Kalman {
@@ -167,8 +167,8 @@ impl PulseTrack {
     pub(crate) fn elapsed_ns(&self, local_ns: u64) -> i64 {
         let since_ns = local_ns.wrapping_sub(self.edge_ns).cast_signed();
         let filter = self.filter();
-        let ahead_ns = filter.phase_ns + filter.frequency_ppb * (since_ns as f32 * 1e-9);
-        since_ns.saturating_sub(libm::rintf(ahead_ns) as i64)
+        let ahead_ns = filter.phase_ns + filter.frequency_ppb * (float(since_ns) * 1e-9);
+        since_ns.saturating_sub(whole(ahead_ns))
     }
 
     /// How far [`Self::elapsed_ns`] may be off. \[ns\]
@@ -215,12 +215,12 @@ impl PulseTrack {
         if moved_ns.unsigned_abs() > 20_000_000 {
             return Fit::Off;
         }
-        let dt_s = since_ns as f32 * 1e-9;
-        let moved_ns = moved_ns as f32;
+        let dt_s = float(since_ns) * 1e-9;
+        let moved_ns = float(moved_ns);
         let mut ramping = self.ramping;
         ramping.predict(dt_s);
         let innovation_ns = moved_ns - ramping.phase_ns;
-        let deviation_ns = libm::sqrtf(ramping.innovation_variance());
+        let deviation_ns = sqrt(ramping.innovation_variance());
         let gate_ns = GATE_NS + GATE_SIGMAS * deviation_ns;
         if innovation_ns.abs() > gate_ns {
             if innovation_ns.abs() > gate_ns.max(door_ns) {
@@ -229,12 +229,14 @@ impl PulseTrack {
             self.surprise_ns = self.surprise_ns.max(innovation_ns.abs());
             return Fit::Beside;
         }
-        let mut quiet = self.quiet;
-        quiet.predict(dt_s);
+        self.edge_ns = edge_ns;
         ramping.update(innovation_ns);
+        let quiet = &mut self.quiet;
+        quiet.predict(dt_s);
         let quiet_ns = moved_ns - quiet.phase_ns;
-        let surprise = quiet_ns / libm::sqrtf(quiet.innovation_variance());
+        let surprise = quiet_ns / sqrt(quiet.innovation_variance());
         quiet.update(quiet_ns);
+        quiet.rebase(moved_ns);
         self.bias += (surprise.clamp(-5.0, 5.0) - self.bias) / BIAS_OVER;
         if self.bias.abs() > BIASED {
             self.lags_for = LAGS_FOR;
@@ -259,14 +261,8 @@ impl PulseTrack {
         }
         let surprise_ns = innovation_ns.abs() - SURPRISE_SIGMAS * deviation_ns;
         self.surprise_ns = (self.surprise_ns * (1.0 - SURPRISE_FORGOTTEN)).max(surprise_ns);
-        quiet.rebase(moved_ns);
         ramping.rebase(moved_ns);
-        *self = Self {
-            quiet,
-            ramping,
-            edge_ns,
-            ..*self
-        };
+        self.ramping = ramping;
         // What wanders off like no crystal does is not on any line, however well it fits.
         if ramping.frequency_ppb.abs() > CRYSTAL_PPB {
             return Fit::Off;

@@ -18,6 +18,7 @@
 
 use timebase::{CORE_HZ, Cycles, Polarity, PulseEdge, PulseForecast};
 
+use crate::float::float;
 use crate::holdover::DRIFT_PPB_PER_S;
 use crate::refusal::PulseRefusal;
 use crate::track::{Fit, PulseTrack};
@@ -71,14 +72,12 @@ struct Rise {
 
 /// What became of an edge.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum EdgeHeard {
+pub(crate) enum EdgeVerdict {
     /// It is a part of a pulse, or the first of a train.
     Noted,
     /// A pulse of a train that is proved, with the begin of that. \[ns\]
     Proved {
-        /// The train's track, this pulse in it.
-        track: PulseTrack,
-        /// Which train.
+        /// Which train; its [`Trains::track`] has this pulse in it.
         train: u8,
         /// For how long it has been steady. \[s\]
         steady_s: f32,
@@ -153,14 +152,18 @@ impl Trains {
             .is_some_and(|ps| ps.unsigned_abs() > MOST_LATE_PS.unsigned_abs())
     }
 
-    /// Takes an edge.
-    pub(crate) fn handle_edge(&mut self, edge: &PulseEdge, crystal: CrystalKnown) -> EdgeHeard {
+    /// Takes an edge; `crystal` is what is known of it, for a train that begins.
+    pub(crate) fn handle_edge(
+        &mut self,
+        edge: &PulseEdge,
+        crystal: impl Fn() -> CrystalKnown,
+    ) -> EdgeVerdict {
         if edge.polarity == Polarity::Rise {
             let is_bounce = self
                 .rise
                 .is_some_and(|rise| edge.at.0.wrapping_sub(rise.at.0) < WIDTH_OFF);
             if is_bounce {
-                return EdgeHeard::Noted;
+                return EdgeVerdict::Noted;
             }
             self.rise = Some(Rise {
                 at: edge.at,
@@ -169,27 +172,27 @@ impl Trains {
                     (0..=FORECAST_LASTS.cast_signed()).contains(&edge.at.since(at))
                 }),
             });
-            return EdgeHeard::Noted;
+            return EdgeVerdict::Noted;
         }
         let Some(width) = self.width else {
-            return EdgeHeard::Refused(PulseRefusal::Width);
+            return EdgeVerdict::Refused(PulseRefusal::Width);
         };
         let Some(rise) = self.rise else {
-            return EdgeHeard::Refused(PulseRefusal::Width);
+            return EdgeVerdict::Refused(PulseRefusal::Width);
         };
         let high = edge.at.0.wrapping_sub(rise.at.0);
         if high < WIDTH_OFF && width > 2 * WIDTH_OFF {
             // A bounce: the rise before it counts.
-            return EdgeHeard::Noted;
+            return EdgeVerdict::Noted;
         }
         self.rise = None;
         if high.abs_diff(width) > WIDTH_OFF {
-            return EdgeHeard::Refused(PulseRefusal::Width);
+            return EdgeVerdict::Refused(PulseRefusal::Width);
         }
         self.handle_pulse(rise, crystal)
     }
 
-    fn handle_pulse(&mut self, rise: Rise, crystal: CrystalKnown) -> EdgeHeard {
+    fn handle_pulse(&mut self, rise: Rise, crystal: impl Fn() -> CrystalKnown) -> EdgeVerdict {
         let Rise {
             at: rise,
             late_ns,
@@ -202,50 +205,63 @@ impl Trains {
             self.distrust();
         }
         let edge_ns = rise.as_nanos().saturating_add_signed(i64::from(-late_ns));
-        let found = self.find(edge_ns);
-        let is_alone = !self.trains.iter().enumerate().any(|(index, train)| {
-            Some(index) != found.map(|(index, _)| index)
-                && train
-                    .as_ref()
-                    .is_some_and(|train| train.track.since_s(edge_ns) < ALONE_S)
-        });
-        let Some((index, fit)) = found else {
-            self.begin(edge_ns, crystal);
-            return EdgeHeard::Noted;
+        let Some((index, fit)) = self.find(edge_ns) else {
+            self.begin(edge_ns, crystal());
+            return EdgeVerdict::Noted;
         };
         let Some(train) = self.trains.get_mut(index).and_then(Option::as_mut) else {
-            return EdgeHeard::Noted;
+            return EdgeVerdict::Noted;
         };
         match fit {
             Fit::Expected => {}
             Fit::Beside => {
                 train.misfits += 1;
                 if train.misfits >= MISFITS {
-                    *train = Train::new(edge_ns, crystal);
+                    *train = Train::new(edge_ns, crystal());
                 }
-                return EdgeHeard::Refused(PulseRefusal::OffLine);
+                return EdgeVerdict::Refused(PulseRefusal::OffLine);
             }
-            Fit::Off => return EdgeHeard::Refused(PulseRefusal::OffLine),
-            Fit::Doubled => return EdgeHeard::Refused(PulseRefusal::Doubled),
+            Fit::Off => return EdgeVerdict::Refused(PulseRefusal::OffLine),
+            Fit::Doubled => return EdgeVerdict::Refused(PulseRefusal::Doubled),
         }
         train.misfits = 0;
         train.pulses = train.pulses.saturating_add(1);
-        if train.proof < PROOF {
-            train.proof = if is_vouched && is_alone {
-                train.proof + 1
-            } else {
-                0
-            };
+        let since_ns = train.since_ns;
+        let is_proved = train.proof >= PROOF || self.prove(index, edge_ns, is_vouched);
+        if !is_proved || !is_vouched {
+            return EdgeVerdict::Refused(PulseRefusal::Unproved);
         }
-        if train.proof < PROOF || !is_vouched {
-            return EdgeHeard::Refused(PulseRefusal::Unproved);
-        }
-        EdgeHeard::Proved {
-            track: train.track,
+        EdgeVerdict::Proved {
             train: index as u8,
-            steady_s: edge_ns.wrapping_sub(train.since_ns) as f32 * 1e-9,
+            steady_s: float(edge_ns.wrapping_sub(since_ns).cast_signed()) * 1e-9,
             rise,
         }
+    }
+
+    /// A pulse more proves a train, if the receiver vouches for it and no other train is there; else
+    /// its proof begins anew. Whether it is proved now.
+    fn prove(&mut self, index: usize, edge_ns: u64, is_vouched: bool) -> bool {
+        let is_alone = !self.trains.iter().enumerate().any(|(other, train)| {
+            other != index
+                && train
+                    .as_ref()
+                    .is_some_and(|train| train.track.since_s(edge_ns) < ALONE_S)
+        });
+        let Some(train) = self.trains.get_mut(index).and_then(Option::as_mut) else {
+            return false;
+        };
+        train.proof = if is_vouched && is_alone {
+            train.proof + 1
+        } else {
+            0
+        };
+        train.proof >= PROOF
+    }
+
+    /// The track of a train.
+    pub(crate) fn track(&self, train: u8) -> Option<&PulseTrack> {
+        let train = self.trains.get(usize::from(train))?.as_ref()?;
+        Some(&train.track)
     }
 
     /// The train that a pulse belongs to, and where it is beside its track, which has taken it in.

@@ -12,6 +12,8 @@
 //! *Limits.* Wander slower than some 15 minutes is a parabola to it. It has no opinion before
 //! the ring is three quarters full.
 
+use crate::float::sqrt;
+
 use super::bins::Bins;
 use super::density::ArrivalDensity;
 use super::trend::{Point, Trend, seconds};
@@ -164,7 +166,7 @@ impl Wander {
             SURE
         };
         self.scatter_ns = if excess > sure {
-            libm::sqrtf(fit.scatter)
+            sqrt(fit.scatter)
         } else {
             0.0
         };

@@ -96,14 +96,12 @@ pub fn estimators(subject: &Subject) -> anyhow::Result<[Row; 2]> {
     };
     Ok([
         Row::new("one mark, in the estimator", most(MARK, 90)?, 3000.0, ""),
-        // The clock is built for size, because the image is at its limit.
         Row::new(
             "one pulse, in estimator and clock",
             most(PULSE, 19)?,
             2500.0,
             "",
-        )
-        .for_now(4000.0),
+        ),
     ])
 }
 

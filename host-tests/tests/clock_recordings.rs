@@ -11,7 +11,7 @@
 
 use board_model::{Board, MS, SECOND};
 use comparison::spread::quantile;
-use comparison::trace::Trace;
+use comparison::trace::{Trace, Track};
 use host_tests::captures;
 use utc_clock::{Counters, Outcome, Refusal, Settings, UtcNanos};
 
@@ -176,4 +176,26 @@ fn through_a_real_stall_published_time_stays_by_its_line() {
         worst <= p99,
         "{worst} ns through the stall, {p99} ns elsewhere"
     );
+}
+
+/// Mean distances from the best smooth line: ours, and the least of the others. \[ns\]
+fn means(name: &str) -> Option<(f64, f64)> {
+    let trace = Trace::parse(&content(name)?).expect("a trace");
+    let replayed = trace.replay();
+    assert_eq!(replayed.violation, None, "{name}");
+    let mean = |track: &Track| Some(track.spread()?.1.mean);
+    let (ours, others) = replayed.tracks.split_first().expect("ours is the first");
+    let best = others.iter().filter_map(mean).min_by(f64::total_cmp);
+    Some((mean(ours).expect("set"), best.expect("others are set")))
+}
+
+#[test]
+fn no_other_clock_is_better_where_a_label_or_a_queue_misleads() {
+    for name in ["field/k5_lag100ms_2min.csv", "field/d09_one_early.csv"] {
+        let Some((ours, best)) = means(name) else {
+            return;
+        };
+        assert!(ours <= 1.1 * best, "{name}: {ours} ns, the best {best} ns");
+        assert!(ours < 100e3, "{name}: {ours} ns");
+    }
 }

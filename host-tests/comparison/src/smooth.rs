@@ -10,6 +10,10 @@
 //! for what lies off. It knows the future, which no clock does, and no candidate's
 //! opinion.
 //!
+//! What is later than another arrival by more than a crystal makes in the time between was late:
+//! a queue that stands for minutes is no part of the line. Without that the line goes half of the
+//! way after such a queue, and the clock that follows it passes for the best.
+//!
 //! *Limits.* A floor that wanders more slowly than its reach bends it, too. At the
 //! ends it rests on half as much.
 
@@ -23,6 +27,11 @@ pub const REACH_S: f64 = 120.0;
 /// Residuals of more than this many medians do not count at all.
 const OUTLYING: f64 = 6.0;
 
+/// No crystal of these boards is farther off: 110 ppm. \[ns/s\]
+const CRYSTAL_NS_PER_S: f64 = 110e3;
+/// And floors wander by less beside it. \[ns\]
+const WANDERS_NS: f64 = 20e6;
+
 /// A smooth line, of time in s.
 #[derive(Clone, Debug)]
 pub struct Smooth {
@@ -31,7 +40,7 @@ pub struct Smooth {
 }
 
 impl Smooth {
-    /// The line over the largest of each bin of `values`, (time in s, value) in the
+    /// The line over the largest of each bin of `values`, (time in s, value in ns) in the
     /// order of their time.
     #[must_use]
     pub fn over(values: &[(f64, f64)]) -> Self {
@@ -48,9 +57,58 @@ impl Smooth {
             }
         }
         let mut line = Self { points };
+        line.leave_out_late();
         line.weigh();
         line.weigh();
         line
+    }
+
+    /// Leaves out what no crystal explains beside the other points, before and after it.
+    fn leave_out_late(&mut self) {
+        let supported = self.supported();
+        let least = |forward: bool| {
+            let mut least = vec![f64::NEG_INFINITY; supported.len()];
+            let mut last: Option<(f64, f64)> = None;
+            for step in 0..supported.len() {
+                let index = if forward {
+                    step
+                } else {
+                    supported.len() - 1 - step
+                };
+                let (at, value) = supported[index];
+                let fallen = last.map_or(f64::NEG_INFINITY, |(then, before)| {
+                    before - CRYSTAL_NS_PER_S * (at - then).abs()
+                });
+                least[index] = value.max(fallen);
+                last = Some((at, least[index]));
+            }
+            least
+        };
+        let least: Vec<f64> = least(true)
+            .into_iter()
+            .zip(least(false))
+            .map(|(before, after)| before.max(after) - WANDERS_NS)
+            .collect();
+        let mut least = least.into_iter();
+        self.points
+            .retain(|&(_, value, _)| least.next().is_none_or(|least| value >= least));
+    }
+
+    /// The points, none above both of its neighbours: a single one is a label that was wrong.
+    fn supported(&self) -> Vec<(f64, f64)> {
+        let value = |index: Option<usize>| {
+            let point = index.and_then(|index| self.points.get(index));
+            point.map_or(f64::NEG_INFINITY, |&(_, value, _)| value)
+        };
+        let supported = self
+            .points
+            .iter()
+            .enumerate()
+            .map(|(index, &(at, own, _))| {
+                let beside = value(index.checked_sub(1)).max(value(Some(index + 1)));
+                (at, own.min(beside))
+            });
+        supported.collect()
     }
 
     /// Its value at `t`; 0 for a line through nothing.
@@ -124,6 +182,23 @@ mod tests {
         for t in [0.0, 60.0, 150.0, 165.0, 299.0] {
             let off = line.at(t) - 40.0 * t;
             assert!(off.abs() < 200.0, "{off} at {t}");
+        }
+    }
+
+    #[test]
+    fn a_queue_of_minutes_bends_it_nowhere_and_one_early_label_neither() {
+        let line = Smooth::over(&along(|i| {
+            let queued = if (500..1_300).contains(&i) {
+                100e6
+            } else {
+                0.0
+            };
+            let early = if i == 200 { 85e6 } else { 0.0 };
+            queued - early
+        }));
+        for t in [0.0, 90.0, 100.0, 180.0, 260.0, 299.0] {
+            let off = line.at(t) - 40.0 * t;
+            assert!(off.abs() < 1e6, "{off} at {t}");
         }
     }
 

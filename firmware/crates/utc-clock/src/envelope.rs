@@ -207,6 +207,8 @@ pub struct Envelope {
     is_unsettled: bool,
     /// For how long the frequency has been learnt, over all lines, in s.
     learnt_s: f32,
+    /// When the last mark came a pulse, or the crystal as one has left it, knew better.
+    is_better_known: bool,
 }
 
 impl Envelope {
@@ -238,6 +240,7 @@ impl Envelope {
             above: 0,
             is_unsettled: true,
             learnt_s: 0.0,
+            is_better_known: false,
         }
     }
 
@@ -258,7 +261,13 @@ impl Envelope {
             return EnvelopeVerdict::Estimate(self.floor(point));
         }
         let last_us = core::mem::replace(&mut self.last_us, at_us);
+        let was_known = core::mem::replace(&mut self.is_better_known, is_better_known);
         if elapsed_s(at_us, last_us) > FORGET_AFTER_S {
+            if self.is_young() && !was_known {
+                // It ran on by a crystal of which next to nothing is known.
+                self.begin(at_us, point);
+                return EnvelopeVerdict::Estimate(self.floor(point));
+            }
             self.return_after_silence(last_us, at_us);
         }
         self.age_s = elapsed_s(at_us, self.started_us);

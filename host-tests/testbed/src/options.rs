@@ -20,7 +20,7 @@ use crate::method::Method;
 /// PINGs a second at most: more than the line has room for.
 const MAX_RATE_HZ: i64 = 1_000;
 /// How long a quick test lasts, and how long its boards have been up before. \[s\]
-const QUICK_S: u32 = 60;
+const QUICK_S: u32 = 30;
 
 /// The options of the experiment.
 #[derive(Args, Clone, Debug)]
@@ -67,7 +67,7 @@ pub struct Options {
     #[arg(long = "load", value_name = "LEVEL,LEVEL", value_delimiter = ',', default_value = "0", value_parser = parse_load)]
     loads: Vec<u8>,
 
-    /// The same in ten minutes: one seed, 60 s after 60, whatever --seeds, --duration and --settle say
+    /// The same in ten minutes: one seed, 30 s after 30, whatever --seeds, --duration and --settle say
     #[arg(long)]
     pub quick: bool,
 
@@ -290,7 +290,7 @@ mod tests {
         assert_eq!(cases.len(), 8);
         assert_eq!(cases[1].to_string(), "paper-step1, load 55 %");
         let quick = parse("--seeds 9 --quick").unwrap().made_quick();
-        assert_eq!((quick.seeds, quick.duration, quick.settle), (1, 60, 60));
+        assert_eq!((quick.seeds, quick.duration, quick.settle), (1, 30, 30));
     }
 
     #[test]

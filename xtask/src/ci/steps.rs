@@ -246,6 +246,12 @@ fn figures() -> Vec<Step> {
         Step::xtask("board tests", &["board-test", "--cpi", "1.0"]),
         Step::xtask("the paper's experiment", &experiment),
     ];
+    // One run of each method under PX4's load; the whole table is in docs/results.
+    let mut loaded = Step::xtask("the paper's experiment under load", &["testbed", "--check"]);
+    for option in ["--load", "px4", "--duration", "20", "--settle", "30"] {
+        loaded = loaded.arg(option);
+    }
+    steps.push(loaded);
     // As many PINGs as no board may lose one of, and more than the line carries.
     for rate in ["100", "1000"] {
         let test = [

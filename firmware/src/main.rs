@@ -19,6 +19,8 @@ mod bench;
 #[cfg(target_os = "none")]
 mod board;
 #[cfg(target_os = "none")]
+mod bootloader;
+#[cfg(target_os = "none")]
 mod bring_up;
 #[cfg(target_os = "none")]
 mod clock;

@@ -208,7 +208,7 @@ impl<'a> Board<'a> {
         match test {
             Some(Order::Test(Test::Begins)) => self.test_began = Some(Instant::now()),
             Some(Order::Test(Test::Ends)) if self.misses_the_end => return Ok(()),
-            Some(Order::Test(_) | Order::Describe(_)) | None => {}
+            Some(Order::Test(_) | Order::Describe(_) | Order::Bootloader) | None => {}
         }
         let since_arrival = self
             .booted

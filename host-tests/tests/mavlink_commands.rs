@@ -18,6 +18,9 @@ const OURS: [u8; 2] = [1, 1];
 /// MAV_CMD_USER_1.
 const USER_1: u16 = 31_010;
 
+/// MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN.
+const REBOOT: u16 = 246;
+
 /// A COMMAND_LONG or COMMAND_INT with a first parameter, then zeros.
 fn command(long: bool, v2: bool, number: u16, param1: f32) -> Frame {
     let frame = if long {
@@ -31,28 +34,35 @@ fn command(long: bool, v2: bool, number: u16, param1: f32) -> Frame {
 }
 
 #[test]
-fn a_test_begins_and_ends_and_is_saved_by_command() {
-    for (param1, meaning, result) in [
-        (0.0, Ok(Order::Test(Test::Begins)), 0),
-        (-0.0, Ok(Order::Test(Test::Begins)), 0),
-        (1.0, Ok(Order::Test(Test::Ends)), 0),
-        (2.0, Ok(Order::Test(Test::SavesAgain)), 0),
-        (3.0, Ok(Order::Test(Test::StopsSaving)), 0),
-        (4.0, Err(Refusal::Denied), 2),
-        (-1.0, Err(Refusal::Denied), 2),
-        (0.5, Err(Refusal::Denied), 2),
-        (f32::NAN, Err(Refusal::Denied), 2),
-        (f32::INFINITY, Err(Refusal::Denied), 2),
+fn a_test_begins_and_ends_and_is_saved_and_the_bootloader_is_called() {
+    let denied = Err(Refusal::Denied);
+    let test = |test| Ok(Order::Test(test));
+    for (number, param1, meaning, result) in [
+        (USER_1, 0.0, test(Test::Begins), 0),
+        (USER_1, -0.0, test(Test::Begins), 0),
+        (USER_1, 1.0, test(Test::Ends), 0),
+        (USER_1, 2.0, test(Test::SavesAgain), 0),
+        (USER_1, 3.0, test(Test::StopsSaving), 0),
+        (USER_1, 4.0, denied, 2),
+        (USER_1, -1.0, denied, 2),
+        (USER_1, 0.5, denied, 2),
+        (USER_1, f32::NAN, denied, 2),
+        (USER_1, f32::INFINITY, denied, 2),
+        (REBOOT, 3.0, Ok(Order::Bootloader), 0),
+        (REBOOT, 0.0, denied, 2),
+        (REBOOT, 1.0, denied, 2),
+        (REBOOT, 2.0, denied, 2),
+        (REBOOT, 3.5, denied, 2),
+        (REBOOT, f32::NAN, denied, 2),
     ] {
         for (long, v2) in [(true, false), (true, true), (false, false), (false, true)] {
             let mut node = node();
-            let request = ask(&mut node, &command(long, v2, USER_1, param1).bytes());
-            let number = USER_1;
+            let request = ask(&mut node, &command(long, v2, number, param1).bytes());
             assert_eq!(
                 request.kind,
                 RequestKind::Command(Command { number, meaning })
             );
-            let mut payload = USER_1.to_le_bytes().to_vec();
+            let mut payload = number.to_le_bytes().to_vec();
             payload.push(result);
             if v2 {
                 payload.extend([0, 0, 0, 0, 0, 255, 190]);
@@ -73,10 +83,17 @@ fn the_clients_commands_are_obeyed() {
     for version in [Version::V1, Version::V2] {
         let mut client = Client::new(GROUND, version);
         let mut node = node();
-        for test in [Test::Begins, Test::Ends] {
-            let request = ask(&mut node, &client.test(US, test));
-            let meaning = Ok(Order::Test(test));
-            let number = USER_1;
+        for (frame, number, order) in [
+            (
+                client.test(US, Test::Begins),
+                USER_1,
+                Order::Test(Test::Begins),
+            ),
+            (client.test(US, Test::Ends), USER_1, Order::Test(Test::Ends)),
+            (client.bootloader(US), REBOOT, Order::Bootloader),
+        ] {
+            let request = ask(&mut node, &frame);
+            let meaning = Ok(order);
             assert_eq!(
                 request.kind,
                 RequestKind::Command(Command { number, meaning })
@@ -84,12 +101,25 @@ fn the_clients_commands_are_obeyed() {
             assert_eq!(
                 parsed(&node.answer(&request, TIME)),
                 Some(Message::CommandAck {
-                    command: USER_1,
+                    command: number,
                     result: Message::ACCEPTED
                 })
             );
         }
     }
+}
+
+#[test]
+fn what_px4s_uploader_sends_calls_the_bootloader() {
+    // Its bytes as they were recorded, to system 1; those to system 0 mean no single board.
+    let mut recorded = vec![0xfe, 0x21, 0x72, 0xff, 0x00, 0x4c, 0x00, 0x00, 0x40, 0x40];
+    recorded.extend([0; 24]);
+    recorded.extend([0xf6, 0x00, 0x01, 0x00, 0x00, 0x53, 0x6b]);
+    let expected = RequestKind::Command(Command {
+        number: REBOOT,
+        meaning: Ok(Order::Bootloader),
+    });
+    assert_eq!(ask(&mut node(), &recorded).kind, expected);
 }
 
 #[test]

@@ -8,6 +8,10 @@ use anyhow::Result;
 use variant::{Image, Load, TICKS_US, Variant};
 
 use crate::image::{self, Board, Build, cargo};
+use crate::venv;
+
+/// PX4's uploader as PyPI has it, and what it needs and does not name.
+const UPLOADER: [&str; 2] = ["autopilot_tools==0.7.0", "pyserial==3.5"];
 
 /// The paces that are played where none is named, in cycles an instruction.
 const PACES: [&str; 2] = ["1.0", "1.6"];
@@ -64,6 +68,17 @@ pub fn run(paces: &[String], arguments: &[String]) -> Result<()> {
             papers => variable(papers, &ending),
         };
         tests.env(name, built(image)?);
+    }
+    tests.env("PIXCLOCK_BOOTLOADER", image::build_bootloader()?);
+    tests.env("PIXCLOCK_XTASK", std::env::current_exe()?);
+    match venv::with("uploader-venv", "autopilot_tools", &[&UPLOADER]) {
+        Ok(python) => {
+            tests.env("PIXCLOCK_UPLOADER_PYTHON", python);
+        }
+        Err(error) if std::env::var_os("CI").is_none() => {
+            println!("SKIPPED: PX4's uploader could not be installed: {error:#}");
+        }
+        Err(error) => return Err(error),
     }
     tests.args(arguments);
     let paces: Vec<&str> = match paces {

@@ -147,6 +147,19 @@ pub fn build(build: Build) -> Result<PathBuf> {
     Ok(image)
 }
 
+/// Builds the stand-in for PX4's bootloader and returns its ELF file.
+///
+/// # Errors
+///
+/// When the build fails; cargo has printed why.
+pub fn build_bootloader() -> Result<PathBuf> {
+    const PACKAGE: &str = "bootloader-stand-in";
+    run(cargo()
+        .args(["build", "--quiet", "--release", "--package", PACKAGE])
+        .args(["--target", TARGET]))?;
+    Ok(target_dir()?.join(TARGET).join("release").join(PACKAGE))
+}
+
 /// Makes a file of these bytes, which has its name only when it is complete.
 ///
 /// # Errors

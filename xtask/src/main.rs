@@ -21,6 +21,7 @@ mod image;
 mod integrity;
 mod link;
 mod ping;
+mod px4;
 mod pymavlink;
 mod qemu;
 mod qemu_ticks;
@@ -29,6 +30,7 @@ mod sim;
 mod size;
 mod testbed;
 mod tool;
+mod upload;
 mod venv;
 
 use std::process::ExitCode;
@@ -71,6 +73,10 @@ enum Verb {
         #[arg(long)]
         json: bool,
     },
+    /// Write the firmware file `pixclock.px4`, for `upload` and for ground stations
+    Px4(px4::Options),
+    /// Put firmware on a board through its bootloader, over USB or a serial line, without a probe
+    Upload(upload::Options),
     /// Check who depends on whom: no forbidden dependency, no circle of files
     Deps,
     /// What curves between waypoints save, and what a clock is worth on them
@@ -120,6 +126,8 @@ fn run() -> Result<ExitCode> {
         Verb::Testbed(options) => testbed::run(&options, &own_arguments()),
         Verb::Bench(options) => bench::run(&options),
         Verb::Size { json } => done(size::check(json)),
+        Verb::Px4(options) => done(px4::write(&options)),
+        Verb::Upload(options) => done(upload::run(&options)),
         Verb::Deps => done(deps::check()),
         Verb::Curve(options) => done(curve::run(&options)),
         Verb::DeviceId(options) => Ok(device_id::run(&options)),

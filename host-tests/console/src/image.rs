@@ -9,7 +9,8 @@
 
 use std::path::Path;
 
-use anyhow::{Context as _, ensure};
+use anyhow::{Context as _, anyhow, bail, ensure};
+use object::read::elf::ProgramHeader as _;
 use object::{Object as _, ObjectSection as _, ObjectSymbol as _};
 
 /// A word of the image that tools write.
@@ -43,6 +44,15 @@ impl Word {
 ///
 /// `elf` is no ELF file, or has no such word.
 pub fn with_word(elf: &[u8], word: Word, value: u32) -> anyhow::Result<Vec<u8>> {
+    patched(elf, word_address(elf, word)?, &value.to_le_bytes())
+}
+
+/// Where `word` is in the board's memory.
+///
+/// # Errors
+///
+/// As for [`with_word`].
+pub fn word_address(elf: &[u8], word: Word) -> anyhow::Result<u64> {
     let name = word.symbol();
     let file = object::File::parse(elf)?;
     let place = file
@@ -50,7 +60,44 @@ pub fn with_word(elf: &[u8], word: Word, value: u32) -> anyhow::Result<Vec<u8>> 
         .find(|symbol| symbol.name() == Ok(name))
         .with_context(|| format!("the image has no word {name}"))?;
     ensure!(place.size() == 4, "{name} is no word");
-    patched(elf, place.address(), &value.to_le_bytes())
+    Ok(place.address())
+}
+
+/// The bytes that the flash holds from `start` on when the image `elf` is in it; 0xFF where the image
+/// has gaps.
+///
+/// # Errors
+///
+/// `elf` is no ELF file, or stores something before `start` or more than `limit` bytes from there on.
+pub fn flash_bytes(elf: &[u8], start: u64, limit: usize) -> anyhow::Result<Vec<u8>> {
+    let file = object::File::parse(elf)?;
+    let object::File::Elf32(file) = file else {
+        bail!("the image is for another kind of processor");
+    };
+    let mut bytes = Vec::new();
+    for segment in file.elf_program_headers() {
+        let data = segment.data(file.endian(), file.data());
+        let data = data.map_err(|()| anyhow!("the file is cut off"))?;
+        if segment.p_type(file.endian()) != object::elf::PT_LOAD || data.is_empty() {
+            continue;
+        }
+        let address = u64::from(segment.p_paddr(file.endian()));
+        let offset = address
+            .checked_sub(start)
+            .and_then(|offset| usize::try_from(offset).ok());
+        let offset = offset.with_context(|| {
+            format!("{address:#x} is before the application's flash, which begins at {start:#x}")
+        })?;
+        let end = offset.saturating_add(data.len());
+        ensure!(
+            end <= limit,
+            "the image is larger than the {limit} bytes of the flash"
+        );
+        bytes.resize(bytes.len().max(end), 0xFF);
+        bytes[offset..end].copy_from_slice(data);
+    }
+    ensure!(!bytes.is_empty(), "the image stores nothing");
+    Ok(bytes)
 }
 
 /// The bytes of the recording at `path`.

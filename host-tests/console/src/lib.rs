@@ -24,7 +24,9 @@ mod summary;
 pub mod units;
 
 pub use event::Event;
-pub use image::{Word, for_recording, patched, read_recording, with_word};
+pub use image::{
+    Word, flash_bytes, for_recording, patched, read_recording, with_word, word_address,
+};
 pub use log::{Level, LogDecoder, LogLine};
 pub use options::{DEFAULT_MAVLINK_PORT, MAX_BOARDS, Options, SimOptions, UtcNanos, renamed};
 pub use output::{Report, print_summary, show};

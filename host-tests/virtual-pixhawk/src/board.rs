@@ -82,6 +82,7 @@ pub(crate) struct Pixhawk1 {
     pace: CyclesPerInstruction,
     meter: Meter,
     probe: Probe,
+    programs_flash: bool,
 }
 
 /// What is plugged into a board.
@@ -120,7 +121,16 @@ impl Pixhawk1 {
             pace,
             meter,
             probe,
+            programs_flash: false,
         })
+    }
+
+    /// Makes the flash one that the core can erase and program.
+    pub(crate) fn with_programmable_flash(self) -> Self {
+        Self {
+            programs_flash: true,
+            ..self
+        }
     }
 
     /// The card's slot.
@@ -173,7 +183,9 @@ impl Board for Pixhawk1 {
             armv7m::Fpu::FpV4Sp,
             armv7m::MpuRegions::Eight,
         );
-        spec.processor = self.meter.around(spec.processor, self.probe.clone());
+        spec.processor = self
+            .meter
+            .around(spec.processor, self.probe.clone(), self.programs_flash);
         vec![Target::new("stm32f427", &mut self.mcu, spec)]
     }
 }

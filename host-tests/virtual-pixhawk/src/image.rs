@@ -213,9 +213,18 @@ impl Firmware {
             .map(|(name, _)| name.as_str())
     }
 
+    /// Its bytes in the flash, from the place behind the bootloader on.
+    ///
+    /// # Errors
+    ///
+    /// It stores something elsewhere.
+    pub fn application(&self) -> anyhow::Result<Vec<u8>> {
+        console::flash_bytes(&self.elf, APPLICATION.into(), APPLICATION_MAX as usize)
+    }
+
     /// What a probe would have put into the flash, behind `bootloader`.
-    pub(crate) fn flash(&self, bootloader: Bootloader) -> anyhow::Result<[Image; 2]> {
-        Ok([
+    pub(crate) fn flash(&self, bootloader: Bootloader) -> anyhow::Result<Vec<Image>> {
+        Ok(vec![
             Image::new(
                 Path::new("stand-in for the bootloader"),
                 bootloader.bytes(),

@@ -10,6 +10,8 @@
 //! log, its statics and what it has sent are read where it stands, and a meter counts what it
 //! executes. [`Gaps`] has what the emulator does not model: a run without gaps can be believed.
 //!
+//! An [`UploadBootloader`] makes the flash one that the board itself can program.
+//!
 //! *Limits.* Each instruction takes the same time, one cycle unless [`CyclesPerInstruction`]
 //! says otherwise: no wait states, no time for entering an exception. A UART's words take the
 //! board's own ten bit times. The USB device and hardware flow control have no model. The crystal
@@ -20,6 +22,7 @@ mod bootloader;
 mod card;
 mod clock;
 mod flash;
+mod flash_array;
 mod gaps;
 mod image;
 mod led;
@@ -35,6 +38,7 @@ mod sections;
 mod stepping;
 mod tally;
 mod tcp;
+mod upload_bootloader;
 mod waveform;
 mod wire;
 
@@ -51,4 +55,5 @@ pub use run::{Builder, Connector, PACE_VARIABLE, Pixhawk};
 pub use script::Script;
 pub use tally::Tally;
 pub use tcp::{TcpLine, Visits};
+pub use upload_bootloader::UploadBootloader;
 pub use wire::ReceivedByte;

@@ -281,11 +281,13 @@ impl Count {
 pub(crate) struct Meter(Arc<Mutex<Count>>);
 
 impl Meter {
-    /// `constructor`, whose processor this meter can look at, and `probe` reach.
+    /// `constructor`, whose processor this meter can look at, and `probe` reach, and which may change its
+    /// flash.
     pub(crate) fn around(
         &self,
         constructor: ProcessorConstructor,
         probe: Probe,
+        programs_flash: bool,
     ) -> ProcessorConstructor {
         let count = Arc::clone(&self.0);
         Arc::new(move |endian| {
@@ -294,6 +296,7 @@ impl Meter {
                 processor,
                 Arc::clone(&count),
                 probe.clone(),
+                programs_flash,
             )))
         })
     }

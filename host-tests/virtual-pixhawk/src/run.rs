@@ -27,12 +27,13 @@ use crate::board::{CyclesPerInstruction, GPS, Pixhawk1, Plugged, TELEM1, TELEM2}
 use crate::bootloader::Bootloader;
 use crate::card::Card;
 use crate::gaps::Gaps;
-use crate::image::Firmware;
+use crate::image::{APPLICATION, Firmware};
 use crate::meter::{Meter, Profile};
 use crate::operator::{Log, Logged, Next, Operator, Order, Stopped};
 use crate::probe::Probe;
 use crate::pulse_wire::{PulseWire, synchronised};
 use crate::script::Script;
+use crate::upload_bootloader::UploadBootloader;
 use crate::wire::{ReceivedByte, Wire};
 
 /// The variable that says how many cycles an instruction takes on a board whose builder has no setting
@@ -71,6 +72,7 @@ pub struct Builder {
     firmware: Firmware,
     bootloader: Bootloader,
     unique_id: [u8; 12],
+    upload: Option<(UploadBootloader, Vec<u8>)>,
     crystal_ppb: i32,
     pace: CyclesPerInstruction,
     gps: Box<dyn Talker + Send>,
@@ -104,6 +106,7 @@ impl Builder {
             firmware,
             bootloader: Bootloader::default(),
             unique_id: *b"virtual chip",
+            upload: None,
             crystal_ppb: 0,
             pace: std::env::var(PACE_VARIABLE).map_or(CyclesPerInstruction::ONE, |pace| {
                 pace.parse().expect("the variable of the core's pace")
@@ -114,6 +117,14 @@ impl Builder {
             pulse: PulseWire::new(std::iter::empty()),
             card: None,
         }
+    }
+
+    /// Puts a bootloader that takes uploads into the flash, and these bytes of an application behind it
+    /// in place of the firmware's.
+    #[must_use]
+    pub fn upload_bootloader(mut self, bootloader: UploadBootloader, application: Vec<u8>) -> Self {
+        self.upload = Some((bootloader, application));
+        self
     }
 
     /// Puts another bootloader's stand-in before the image.
@@ -197,6 +208,7 @@ impl Builder {
             firmware,
             bootloader,
             unique_id,
+            upload,
             crystal_ppb,
             pace,
             gps,
@@ -208,7 +220,7 @@ impl Builder {
         let meter = Meter::default();
         let probe = Probe::default();
         let log = Log::new(&firmware)?;
-        let board = Pixhawk1::new(
+        let mut board = Pixhawk1::new(
             crystal_ppb,
             pace,
             Plugged {
@@ -221,11 +233,15 @@ impl Builder {
             meter.clone(),
             probe.clone(),
         )?;
+        let mut images = match upload {
+            Some((bootloader, application)) => {
+                board = board.with_programmable_flash();
+                bootloader.flash(application)?
+            }
+            None => firmware.flash(bootloader)?,
+        };
         let number = Path::new("the chip's unique number");
-        let number = Image::new(number, unique_id.to_vec(), Some(UNIQUE_ID))?;
-        let images: Vec<_> = (firmware.flash(bootloader)?.into_iter())
-            .chain([number])
-            .collect();
+        images.push(Image::new(number, unique_id.to_vec(), Some(UNIQUE_ID))?);
         let session = Session::new(Box::new(board), 0, VirtualNanos(0))?;
         let (orders, inbox) = sync_channel(0);
         let operator = Operator::new(inbox, log);
@@ -330,6 +346,23 @@ impl Pixhawk {
                 .collect::<Result<Vec<_>, _>>()
         })?
         .with_context(|| format!("reading {name}"))
+    }
+
+    /// The first `length` bytes, a multiple of four, of the flash behind the bootloader.
+    ///
+    /// # Errors
+    ///
+    /// The emulator gave up.
+    pub fn application(&mut self, length: u32) -> anyhow::Result<Vec<u8>> {
+        let words = (APPLICATION..APPLICATION + length).step_by(4);
+        let words = self.order(move |stopped| {
+            words
+                .map(|address| stopped.host.read(address.into(), Width::W32))
+                .map(|word| word.map(|word| word as u32))
+                .collect::<Result<Vec<_>, _>>()
+        })?;
+        let words = words.context("reading the flash")?;
+        Ok(words.into_iter().flat_map(u32::to_le_bytes).collect())
     }
 
     /// What the board has sent on `connector` since the last call.

@@ -22,6 +22,7 @@ use rigless::emulator::{
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
 
+use crate::flash_array::{FlashArray, Programming};
 use crate::probe::Probe;
 
 /// The numbers under which the processor shows its registers (GDB's, for Cortex-M).
@@ -79,14 +80,22 @@ pub(crate) struct Stepping<O> {
     inner: Box<dyn Processor>,
     observer: Arc<Mutex<O>>,
     probe: Probe,
+    /// The flash, if the core may change it.
+    flash: Option<FlashArray>,
 }
 
 impl<O> Stepping<O> {
-    pub(crate) fn new(inner: Box<dyn Processor>, observer: Arc<Mutex<O>>, probe: Probe) -> Self {
+    pub(crate) fn new(
+        inner: Box<dyn Processor>,
+        observer: Arc<Mutex<O>>,
+        probe: Probe,
+        programs_flash: bool,
+    ) -> Self {
         Self {
             inner,
             observer,
             probe,
+            flash: programs_flash.then(FlashArray::default),
         }
     }
 
@@ -112,9 +121,8 @@ impl<O> Stepping<O> {
     }
 }
 
-impl<O: Observer> Processor for Stepping<O> {
-    fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
-        self.probe.apply(&mut *self.inner, &*bus);
+impl<O: Observer> Stepping<O> {
+    fn run_observed(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
         let observer = Arc::clone(&self.observer);
         let mut observer = observer.lock().unwrap_or_else(PoisonError::into_inner);
         if !observer.is_on() {
@@ -144,6 +152,18 @@ impl<O: Observer> Processor for Stepping<O> {
         }
         (Exit::Budget, retired)
     }
+}
+
+impl<O: Observer> Processor for Stepping<O> {
+    fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        self.probe.apply(&mut *self.inner, &*bus);
+        let Some(flash) = self.flash.take() else {
+            return self.run_observed(budget, bus);
+        };
+        let ran = self.run_observed(budget, &mut Programming::new(bus, &flash));
+        self.flash = Some(flash);
+        ran
+    }
 
     fn retired(&self) -> u64 {
         self.inner.retired()
@@ -169,6 +189,9 @@ impl<O: Observer> Processor for Stepping<O> {
 
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
         self.probe.handle_map(start, length, host);
+        if let Some(flash) = &self.flash {
+            flash.note(start, length, host);
+        }
         // SAFETY: the caller's promise is passed on as it is, and `inner` is dropped
         // with `self`.
         unsafe { self.inner.map(start, length, host, writable) };

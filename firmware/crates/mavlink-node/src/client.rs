@@ -231,6 +231,19 @@ impl Client {
         })
     }
 
+    /// The command that restarts a board into its bootloader
+    /// (MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN). Answered with [`Message::CommandAck`], and then the board
+    /// is silent. PX4's firmware obeys it too.
+    pub fn bootloader(&mut self, node: Address) -> Frame {
+        self.frame(&COMMAND_LONG_DATA {
+            param1: command::TO_BOOTLOADER,
+            command: MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN,
+            target_system: node.system,
+            target_component: node.component,
+            ..COMMAND_LONG_DATA::DEFAULT
+        })
+    }
+
     /// A request for all parameters. Answered with a [`Message::Parameter`] for each.
     pub fn parameters(&mut self, node: Address) -> Frame {
         self.frame(&PARAM_REQUEST_LIST_DATA {

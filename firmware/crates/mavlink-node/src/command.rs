@@ -4,6 +4,8 @@
 //! log of PINGs is cleared and records. With 1 the test ends: the log is frozen, and
 //! written to the card if there is one; 2 has it written once more, and 3 stops that. MAV_CMD_REQUEST_MESSAGE (512) asks for AUTOPILOT_VERSION
 //! (148), PROTOCOL_VERSION (300) or HOME_POSITION (242), and so do the older commands 520, 519 and 410.
+//! MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN (246) with 3 restarts the board into its bootloader, which then
+//! waits for an upload; other restarts would end a clock for nothing, and are denied.
 //!
 //! *Design.* Parsed from the raw payload, since the type in `mavlink` has no value for commands
 //! that it does not know, and these have to be refused.
@@ -25,6 +27,11 @@ use crate::replies::{Described, PROTOCOL_VERSION};
 
 /// MAV_CMD_USER_1.
 pub(crate) const USER_1: u16 = 31_010;
+
+/// MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, and REBOOT_SHUTDOWN_ACTION_REBOOT_TO_BOOTLOADER, the one first
+/// parameter of it that is obeyed.
+const REBOOT: u16 = 246;
+pub(crate) const TO_BOOTLOADER: f32 = 3.0;
 
 /// MAV_CMD_GET_HOME_POSITION, _REQUEST_MESSAGE, _REQUEST_PROTOCOL_VERSION,
 /// _REQUEST_AUTOPILOT_CAPABILITIES.
@@ -87,6 +94,8 @@ pub enum Order {
     Test(Test),
     /// A message is sent after the acknowledgement.
     Describe(Described),
+    /// The board restarts into its bootloader, once the acknowledgement has left.
+    Bootloader,
 }
 
 /// A command to this node.
@@ -112,6 +121,8 @@ impl Command {
                 .find(|test| self::param1(*test) == param1)
                 .map(Order::Test)
                 .ok_or(Refusal::Denied),
+            REBOOT if param1 == TO_BOOTLOADER => Ok(Order::Bootloader),
+            REBOOT => Err(Refusal::Denied),
             REQUEST_MESSAGE if param1 == PROTOCOL_VERSION as f32 => {
                 describe(Described::Protocol, true)
             }

@@ -286,8 +286,11 @@ impl Node {
                     }
                     Ok(Order::Test(Test::Begins)) => self.log.end(),
                     Ok(Order::Describe(what)) => self.replies.want(what, version),
-                    Ok(Order::Test(Test::Ends | Test::SavesAgain | Test::StopsSaving)) | Err(_) => {
-                    }
+                    Ok(
+                        Order::Test(Test::Ends | Test::SavesAgain | Test::StopsSaving)
+                        | Order::Bootloader,
+                    )
+                    | Err(_) => {}
                 }
                 return Some(RequestKind::Command(command));
             }

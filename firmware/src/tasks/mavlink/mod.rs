@@ -19,6 +19,7 @@ use embassy_futures::select::{Either3, select3};
 use embassy_time::{Duration, Ticker, Timer};
 use fault_record::Hang;
 
+use crate::bootloader;
 use crate::drivers::time;
 use crate::drivers::uart::{Reader, Writer};
 use crate::reports::{LINKS, MAVLINK};
@@ -28,6 +29,10 @@ use link::Link;
 /// From look to look at the outgoing rings while a long answer goes on; less than what such a frame
 /// follows upon lasts.
 const PACE: Duration = Duration::from_millis(5);
+
+/// A restart into the bootloader waits until what is in the outgoing rings, the answer among it, has
+/// left: at 57600 Bd 1023 bytes last 178 ms.
+const LEAVES_AFTER: Duration = Duration::from_millis(200);
 
 /// Runs forever, on the high executor.
 #[embassy_executor::task]
@@ -45,6 +50,10 @@ pub async fn run(lines: [(Reader, Writer); LINKS]) {
             MAVLINK.set(links.each_ref().map(Link::report));
         }
         serve_all(&mut links);
+        if bootloader::is_called() {
+            Timer::after(LEAVES_AFTER).await;
+            bootloader::reboot();
+        }
     }
 }
 

@@ -5,6 +5,7 @@ use sample_log::{BeginGuard, Kept, Sample, SampleLog};
 use timebase::Cycles;
 use utc_clock::Reading;
 
+use crate::bootloader;
 use crate::clock;
 use crate::clock_events::{self, ClockEvent};
 use crate::drivers::uart::Writer;
@@ -47,6 +48,12 @@ pub fn serve(
         && is_answered
     {
         record(time_usec, seq, time.rtos_ns(), reading);
+    }
+    if let RequestKind::Command(Command { meaning, .. }) = request.kind
+        && meaning == Ok(Order::Bootloader)
+        && is_answered
+    {
+        bootloader::call();
     }
     is_new_log
 }

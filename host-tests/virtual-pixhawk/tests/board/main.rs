@@ -37,4 +37,6 @@ mod ticks;
 #[cfg(test)]
 mod traffic;
 #[cfg(test)]
+mod upload;
+#[cfg(test)]
 mod visible;

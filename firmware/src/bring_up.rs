@@ -11,6 +11,7 @@ use stm32f4xx_hal::gpio::{Input, PD4, PD12, PinState};
 use stm32f4xx_hal::pac::{self, Interrupt};
 use stm32f4xx_hal::prelude::*;
 
+use crate::board::CrystalStart;
 use crate::drivers::card::Card;
 use crate::drivers::led::Led;
 use crate::drivers::pulse::{self, Pulse};
@@ -34,6 +35,8 @@ pub struct Hardware {
     pub led: Led,
     /// RTS of TELEM1 and of TELEM2, held high by resistors.
     pub ready: (PD4<Input>, PD12<Input>),
+    /// How the crystal has started.
+    pub crystal: CrystalStart,
 }
 
 /// Brings the board up, once.
@@ -56,7 +59,7 @@ pub fn bring_up() -> Hardware {
     );
     // nVDD_5V_PERIPH_EN feeds the receiver and the telemetry radios.
     let _powered = gpioa.pa8.into_push_pull_output_in_state(PinState::Low);
-    let Ok(mut rcc) = board::clocks(rcc) else {
+    let Ok((mut rcc, crystal)) = board::clocks(rcc) else {
         fault::crystal_failed()
     };
     let gpioc = chip.GPIOC.split(&mut rcc);
@@ -101,6 +104,7 @@ pub fn bring_up() -> Hardware {
         card,
         led: Led::new(gpioe.pe12),
         ready,
+        crystal,
     }
 }
 

@@ -51,6 +51,11 @@ pub enum ClockEvent {
         /// Where.
         place: Place,
     },
+    /// The crystal has started, and late.
+    CrystalLate {
+        /// After this. \[µs\]
+        after_us: u32,
+    },
     /// The log of a test has no more room.
     LogFull,
     /// The log of a test is on the card.

@@ -17,7 +17,9 @@
 //! third restart for one reason within a minute is not made: the board stops, and goes on flashing, and after each
 //! such group it flashes the reason's number ([`Reason::number`]). Time is counted by TIM5 at the rate of the clock
 //! that the core has just now; should that timer stand still, passes of a loop are counted in its
-//! place. So the shape of the pattern needs no particular clock.
+//! place. So the shape of the pattern needs no particular clock. A board that has stopped says the reason
+//! on its MAVLink line, too, after each group; so does each run that a crystal ends, since none of them
+//! comes to report it.
 //!
 //! *Limits.* A fault with the fault handler's priority, or above it, locks the core up; then the watchdog
 //! resets the board, and the next run reports that.
@@ -29,11 +31,12 @@ use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use cortex_m::peripheral::SCB;
 use embassy_time::Instant;
 use fault_record::{Hang, History, Place, Reason, Record, Registers};
+use mavlink_node::Address;
 use stm32f4xx_hal::pac::{RCC, TIM5};
 use timebase::divide;
 
-use crate::drivers::{backup, led, watchdog};
-use crate::{board, logger, story};
+use crate::drivers::{backup, last_words, led, watchdog};
+use crate::{board, image_words, logger, story};
 
 /// The group that says that a run has ended: two short flashes, one long. For how long the LED is lit and
 /// dark in turns. \[ms\]
@@ -226,6 +229,10 @@ fn end_with(reason: Reason, place: Place, registers: Registers, message: &str) -
         defmt::error!("panicked: {=str}", message);
     }
     story::log("", &record);
+    if reason == Reason::Crystal {
+        // No run gets as far as the MAVLink task, where others are reported after the restart.
+        say(reason);
+    }
     if record.history.is_enough() {
         defmt::error!("stopped: restarting does not help");
         show_for_ever(reason)
@@ -256,7 +263,25 @@ fn show_for_ever(reason: Reason) -> ! {
         for _ in 0..reason.number() {
             show(&[lit, dark]);
         }
+        say(reason);
         show(&[0, PAUSE_MS]);
+    }
+}
+
+/// Says on the MAVLink line why the run has ended: it takes 10 ms.
+#[inline(never)]
+fn say(reason: Reason) {
+    let mut text = heapless::String::<50>::new();
+    // All of it fits.
+    let _ = text.push_str("stopped by a fault: ");
+    let _ = text.push_str(reason.as_str());
+    let from = Address {
+        system: image_words::system_id(),
+        component: 1,
+    };
+    for frame in mavlink_node::last_words(from, &text) {
+        // SAFETY: interrupts are off, and whoever calls this never returns.
+        unsafe { last_words::send(&frame) };
     }
 }
 

@@ -6,7 +6,9 @@ use cortex_m::peripheral::scb::SystemHandler;
 use cortex_m::peripheral::{NVIC, SCB};
 use stm32f4xx_hal::pac::Interrupt;
 
+use crate::board::CrystalStart;
 use crate::bring_up::{self, Hardware};
+use crate::clock_events::{self, ClockEvent};
 use crate::drivers::{pulse, time};
 use crate::executors::{self, spawn};
 use crate::image_words;
@@ -24,9 +26,17 @@ fn main() -> ! {
         card,
         led,
         ready,
+        crystal,
     } = bring_up::bring_up();
     SAMPLES.open(samples);
     log_identity();
+    if let CrystalStart::Late { after_us } = crystal {
+        defmt::warn!(
+            "the crystal was ready after {=u32} us, which is late",
+            after_us
+        );
+        clock_events::push(ClockEvent::CrystalLate { after_us });
+    }
     if let Some(reason) = story::report() {
         fault::stop(reason);
     }
@@ -60,6 +70,13 @@ fn log_identity() {
         VARIANT,
         VARIANT.tick_us(),
         image_words::system_id()
+    );
+    let (kind, revision) = board::silicon();
+    defmt::info!(
+        "chip {=u16:#05x}, revision {=u16:#06x}, number {=[u8; 12]:02x}",
+        kind,
+        revision,
+        board::unique_id()
     );
     if VARIANT.is_papers() {
         defmt::info!(

@@ -22,8 +22,8 @@ const FIRST_INTERRUPT: u16 = 16;
 /// Words of the vector table of this chip, as its description has them.
 const VECTORS: usize = 16 + 87;
 
-/// Why this run began, if a fault ended the one before.
-static BEFORE: Latest<Reason> = Latest::new();
+/// Why this run began, and where the one before ended, if a fault ended it.
+static BEFORE: Latest<(Reason, Place)> = Latest::new();
 
 unsafe extern "C" {
     static __vector_table: [u32; VECTORS];
@@ -68,7 +68,7 @@ pub fn report() -> Option<Reason> {
         backup::set_record(&[0; fault_record::WORDS]);
         return None;
     }
-    BEFORE.set(record.reason);
+    BEFORE.set((record.reason, record.place));
     log("before the restart: ", &record);
     keep(&Record {
         is_reported: true,
@@ -81,8 +81,8 @@ pub fn report() -> Option<Reason> {
     (by_watchdog && record.history.is_enough()).then_some(record.reason)
 }
 
-/// Why the run before ended, if a fault ended it.
-pub fn before() -> Option<Reason> {
+/// Why and where the run before ended, if a fault ended it.
+pub fn before() -> Option<(Reason, Place)> {
     BEFORE.get()
 }
 

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use mavlink_node::{
     Command, Config, Fix, LogFile, Node, NodeTime, Order, Parameter, Parameters, Request,
-    RequestKind, Test,
+    RequestKind, StatusLine, StatusWriter, Test,
 };
 use sample_log::{Record, Sample, SampleLog};
 use timebase::{ClockState, Cycles, StampedByte};
@@ -309,6 +309,12 @@ impl Parameters for Held<'_> {
             Parameter::Fault => 0.0,
             built_in => self.parameters[usize::from(built_in.index())],
         }
+    }
+}
+
+impl StatusLine for Held<'_> {
+    fn write_status(&self, line: &mut StatusWriter<'_>) {
+        line.word("state", "set");
     }
 }
 

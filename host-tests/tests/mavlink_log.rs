@@ -93,8 +93,8 @@ fn what_lies_behind_the_end_is_answered_with_nothing() {
         note(&mut node, &client.log_data(US, offset, count));
         assert_eq!(stretches(&polled(&mut node, &board)), [(offset, vec![])]);
     }
-    // Another log than number 1.
-    let mut payload = [0, 0, 0, 0, 90, 0, 0, 0, 2, 0, 1, 1].to_vec();
+    // Another log than number 1, and the status from its middle on.
+    let mut payload = [1, 0, 0, 0, 90, 0, 0, 0, 2, 0, 1, 1].to_vec();
     note(
         &mut node,
         &Frame::message(true, 119, 116, payload.clone()).bytes(),
@@ -210,4 +210,64 @@ proptest! {
         let copy: Vec<u8> = copy.into_iter().flatten().collect();
         prop_assert_eq!(copy, board.0);
     }
+}
+
+/// The text of the status in `messages`, whose pieces follow each other.
+fn status(messages: &[Message]) -> String {
+    let mut text = Vec::new();
+    for (nth, what) in messages.iter().enumerate() {
+        let Message::LogData {
+            id: Client::STATUS,
+            offset,
+            data,
+            count,
+        } = what
+        else {
+            panic!("{what:?}");
+        };
+        assert_eq!(*offset as usize, text.len());
+        let is_last = nth + 1 == messages.len();
+        assert_eq!(*count < 90, is_last, "a piece that is not full is the last");
+        text.extend(&data[..usize::from(*count)]);
+    }
+    String::from_utf8(text).unwrap()
+}
+
+#[test]
+fn the_status_is_a_text_of_whole_words() {
+    for version in [Version::V1, Version::V2] {
+        for counters in [0, 1, 2, 3, 4, 5, 6, 50, 200] {
+            let mut node = node();
+            let mut client = Client::new(GROUND, version);
+            note(&mut node, &client.status(US));
+            let board = Board::of(counters);
+            let mut expected =
+                "status state=set utc=2026-01T07Z unc_ns=18446744073709551615 ppb=-120 \
+                                why=no_card "
+                    .to_owned();
+            for nth in (0..counters).filter(|nth| nth % 251 % 3 != 0) {
+                let count = nth as u64 % 251 % 3 * 1_000_000_007;
+                expected += &format!("counter_{nth}={count} ");
+            }
+            assert_eq!(status(&polled(&mut node, &board)), expected);
+        }
+    }
+}
+
+#[test]
+fn a_status_begins_anew_when_it_is_asked_for_again_and_leaves_the_log_alone() {
+    let board = Board::of(300);
+    let mut node = node();
+    let mut client = Client::new(GROUND, Version::V2);
+    note(&mut node, &client.log_data(US, 0, 100));
+    note(&mut node, &client.status(US));
+    assert!(node.poll(&board).is_some());
+    note(&mut node, &client.status(US));
+    let messages = polled(&mut node, &board);
+    let (of_status, of_log) = messages.split_at(messages.len() - 2);
+    assert!(status(of_status).starts_with("status state=set "));
+    assert_eq!(
+        stretches(of_log),
+        [(0, board.0[..90].to_vec()), (90, board.0[90..100].to_vec())]
+    );
 }

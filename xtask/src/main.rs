@@ -28,6 +28,7 @@ mod qemu_ticks;
 mod replay;
 mod sim;
 mod size;
+mod status;
 mod testbed;
 mod tool;
 mod upload;
@@ -77,6 +78,8 @@ enum Verb {
     Px4(px4::Options),
     /// Put firmware on a board through its bootloader, over USB or a serial line, without a probe
     Upload(upload::Options),
+    /// Show all that a running board says of itself: its status line, over MAVLink
+    Status(status::Options),
     /// Check who depends on whom: no forbidden dependency, no circle of files
     Deps,
     /// What curves between waypoints save, and what a clock is worth on them
@@ -128,6 +131,7 @@ fn run() -> Result<ExitCode> {
         Verb::Size { json } => done(size::check(json)),
         Verb::Px4(options) => done(px4::write(&options)),
         Verb::Upload(options) => done(upload::run(&options)),
+        Verb::Status(options) => done(status::run(&options)),
         Verb::Deps => done(deps::check()),
         Verb::Curve(options) => done(curve::run(&options)),
         Verb::DeviceId(options) => Ok(device_id::run(&options)),

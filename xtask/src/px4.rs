@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 use console::Word;
 use upload::{APPLICATION, FLASH_ROOM, Px4File};
+use variant::{Image, Variant};
 
 use crate::image::{self, Board, Build};
 
@@ -14,9 +15,20 @@ pub struct Options {
     /// Where the file goes
     #[arg(value_name = "FILE", default_value = "pixclock.px4")]
     file: PathBuf,
+    #[command(flatten)]
+    ours: Ours,
+}
+
+/// What of our own image can be chosen.
+#[derive(clap::Args, Debug)]
+pub struct Ours {
     /// The board's MAVLink system id, 1 to 254; boards on one network need different ones
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=254))]
-    system_id: Option<u8>,
+    pub system_id: Option<u8>,
+    /// How the image keeps the clock, when it is built: pixclock, or as the paper did (paper-default,
+    /// paper-step1, paper-step2:200, …)
+    #[arg(long)]
+    pub variant: Option<Variant>,
 }
 
 /// Builds the image and writes the file.
@@ -25,10 +37,7 @@ pub struct Options {
 ///
 /// When it cannot be built or written.
 pub fn write(options: &Options) -> Result<()> {
-    let mut file = make()?;
-    if let Some(id) = options.system_id {
-        file.set_system_id(id)?;
-    }
+    let file = options.ours.file()?;
     let path = options.file.display();
     image::keep(&options.file, file.to_json().as_bytes())
         .with_context(|| format!("cannot write {path}"))?;
@@ -40,18 +49,32 @@ pub fn write(options: &Options) -> Result<()> {
     Ok(())
 }
 
-/// The image that is flashed, as a file; its system id is the build's.
-///
-/// # Errors
-///
-/// When it cannot be built.
-pub fn make() -> Result<Px4File> {
-    let elf = std::fs::read(image::build(Build::standard(Board::Pixhawk1))?)?;
+impl Ours {
+    /// The image, as a file.
+    ///
+    /// # Errors
+    ///
+    /// When it cannot be built.
+    pub fn file(&self) -> Result<Px4File> {
+        let mut file = make(self.variant.unwrap_or(Variant::STANDARD))?;
+        if let Some(id) = self.system_id {
+            file.set_system_id(id)?;
+        }
+        Ok(file)
+    }
+}
+
+/// The image of this variant; its system id is the build's.
+fn make(variant: Variant) -> Result<Px4File> {
+    let elf = std::fs::read(image::build(Build {
+        image: Image::of(variant),
+        ..Build::standard(Board::Pixhawk1)
+    })?)?;
     let bytes = console::flash_bytes(&elf, APPLICATION.into(), FLASH_ROOM as usize)?;
     let system_id_at = console::word_address(&elf, Word::SystemId)?.checked_sub(APPLICATION.into());
     let git_hash = git(&["rev-parse", "HEAD"]);
     Ok(Px4File {
-        summary: "pixclock".to_owned(),
+        summary: format!("pixclock, variant {variant}"),
         version: git(&["describe", "--always", "--dirty", "--tags"])
             .unwrap_or_else(|| env!("CARGO_PKG_VERSION").to_owned()),
         git_hash: git_hash.unwrap_or_default(),

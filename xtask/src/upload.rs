@@ -27,7 +27,7 @@ use timebase::{Stamp, StampedByte};
 
 use crate::ctrl_c;
 use crate::link::{Address, Link};
-use crate::px4;
+use crate::px4::Ours;
 
 /// The rate of the bootloader's serial line.
 const BOOTLOADER_BAUD: u32 = 115_200;
@@ -50,9 +50,8 @@ pub struct Options {
     /// for on USB), and the .px4 file (otherwise the image is built)
     #[arg(value_name = "ADDR|FILE", num_args = 0..=2)]
     what: Vec<String>,
-    /// The board's MAVLink system id, 1 to 254; boards on one network need different ones
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=254))]
-    system_id: Option<u8>,
+    #[command(flatten)]
+    ours: Ours,
 }
 
 impl Options {
@@ -85,13 +84,19 @@ impl Options {
 /// With what to do.
 pub fn run(options: &Options) -> Result<()> {
     let (address, path) = options.parts()?;
-    let mut file = match &path {
-        Some(path) => read(path)?,
-        None => px4::make()?,
+    let file = match &path {
+        None => options.ours.file()?,
+        Some(_) if options.ours.variant.is_some() => {
+            bail!("a file is what it is: --variant is for the image that is built here")
+        }
+        Some(path) => {
+            let mut file = read(path)?;
+            if let Some(id) = options.ours.system_id {
+                file.set_system_id(id)?;
+            }
+            file
+        }
     };
-    if let Some(id) = options.system_id {
-        file.set_system_id(id)?;
-    }
     ctrl_c::catch()?;
     let image = &file.image;
     println!(
@@ -328,7 +333,10 @@ mod tests {
     fn parts(what: &[&str]) -> Result<(Option<Address>, Option<PathBuf>)> {
         Options {
             what: what.iter().map(ToString::to_string).collect(),
-            system_id: None,
+            ours: Ours {
+                system_id: None,
+                variant: None,
+            },
         }
         .parts()
     }

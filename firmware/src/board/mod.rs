@@ -12,7 +12,9 @@ mod this;
 
 mod crystal;
 
+pub use crystal::CrystalStart;
+
 pub use this::{
     HAS_CARD_SLOT, HAS_CONSTANT_CLOCKS, NAME, SAMPLE_ROOM, WITNESS_PRESCALER, WITNESS_RATIO,
-    clocks, read_pair, take_crystal_failure, take_over, unique_id, witness_khz,
+    apb1_khz, clocks, read_pair, silicon, take_crystal_failure, take_over, unique_id, witness_khz,
 };

@@ -3,11 +3,11 @@
 //! *Limits.* 168 MHz, not the 180 that the chip allows: USB and SDIO need 48 MHz, and a µs has to be
 //! a whole number of cycles.
 
-use stm32f4xx_hal::pac::{FLASH, PWR, RCC};
+use stm32f4xx_hal::pac::{DBGMCU, FLASH, PWR, RCC, TIM5};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::{Config, Rcc};
 
-use super::crystal::CrystalFailed;
+use super::crystal::{CrystalFailed, CrystalStart};
 
 /// The board's name, for the log.
 pub const NAME: &str = "pixhawk1";
@@ -27,9 +27,16 @@ pub const HAS_CONSTANT_CLOCKS: bool = true;
 /// Samples that fit into the CCM, and into the upper 64 KB of SRAM.
 pub const SAMPLE_ROOM: (usize, usize) = (4_096, 4_096);
 
-/// How often HSERDY is read before the crystal is given up. It starts within 2 ms (DS9484, HSE
-/// oscillator characteristics). A read at 16 MHz takes at least 0.2 µs, so this is 20 ms or more.
-const CRYSTAL_READS: u32 = 100_000;
+/// A crystal that takes longer is reported as late: it starts within 2 ms (DS9484, HSE oscillator
+/// characteristics). \[µs\]
+const CRYSTAL_LATE_US: u32 = 10_000;
+
+/// One that takes longer is given up. \[µs\]
+const CRYSTAL_LIMIT_US: u32 = 100_000;
+
+/// How often HSERDY is read at most, should the timer not count. A read at 16 MHz takes at least 0.2 µs,
+/// so this is 0.4 s or more.
+const CRYSTAL_READS: u32 = 2_000_000;
 
 /// Wait states of the flash at 168 MHz and 3.3 V (RM0090, table 11).
 const FLASH_WAIT_STATES: u8 = 5;
@@ -113,11 +120,8 @@ pub fn take_over(rcc: &RCC) {
 /// # Errors
 ///
 /// [`CrystalFailed`] when it does not start; the HAL would wait forever.
-pub fn clocks(rcc: Rcc) -> Result<Rcc, CrystalFailed> {
-    rcc.cr().modify(|_, w| w.hseon().on());
-    if !(0..CRYSTAL_READS).any(|_| rcc.cr().read().hserdy().bit_is_set()) {
-        return Err(CrystalFailed);
-    }
+pub fn clocks(rcc: Rcc) -> Result<(Rcc, CrystalStart), CrystalFailed> {
+    let start = start_crystal(&rcc)?;
     let rcc = rcc.freeze(
         Config::hse(24.MHz())
             .sysclk(168.MHz())
@@ -134,7 +138,32 @@ pub fn clocks(rcc: Rcc) -> Result<Rcc, CrystalFailed> {
         panic!("the flash has other wait states than were set");
     }
     rcc.cr().modify(|_, w| w.csson().on());
-    Ok(rcc)
+    Ok((rcc, start))
+}
+
+/// Turns the crystal on and waits for it, timed by TIM5 on HSI, which is as yet nobody's.
+fn start_crystal(rcc: &RCC) -> Result<CrystalStart, CrystalFailed> {
+    /// HSI is 16 MHz: a count is a µs.
+    const PSC: u16 = 15;
+    rcc.apb1enr().modify(|_, w| w.tim5en().enabled());
+    rcc.apb1enr().read();
+    // SAFETY: the peripherals are not handed out yet; the time's start resets this one.
+    let tim5 = unsafe { &*TIM5::ptr() };
+    tim5.psc().write(|w| w.psc().set(PSC));
+    tim5.egr().write(|w| w.ug().update());
+    tim5.cr1().write(|w| w.cen().enabled());
+    rcc.cr().modify(|_, w| w.hseon().on());
+    for _ in 0..CRYSTAL_READS {
+        let is_ready = rcc.cr().read().hserdy().bit_is_set();
+        let after_us = tim5.cnt().read().bits();
+        match after_us {
+            0..=CRYSTAL_LATE_US if is_ready => return Ok(CrystalStart::InTime),
+            _ if is_ready => return Ok(CrystalStart::Late { after_us }),
+            0..=CRYSTAL_LIMIT_US => {}
+            _ => break,
+        }
+    }
+    Err(CrystalFailed)
 }
 
 /// Whether the clock security system has found that the crystal stopped; its request is taken back, else
@@ -151,6 +180,19 @@ pub fn take_crystal_failure() -> bool {
 /// Counts of the witness in a ms, with a prescaler of 0, by whatever clocks the core now: HSI, HSE or
 /// the PLL, through APB1's divider as it stands.
 pub fn witness_khz() -> u32 {
+    let (core_khz, divider) = core_khz_and_divider();
+    // A timer counts twice the clock of its bus, unless the bus has the core's.
+    core_khz >> divider.saturating_sub(1)
+}
+
+/// The clock of APB1, by whatever clocks the core now. \[kHz\]
+pub fn apb1_khz() -> u32 {
+    let (core_khz, divider) = core_khz_and_divider();
+    core_khz >> divider
+}
+
+/// The core's clock in kHz, and which power of two divides it for APB1.
+fn core_khz_and_divider() -> (u32, u32) {
     // SAFETY: reading has no side effect.
     let cfgr = unsafe { (*RCC::ptr()).cfgr().read() };
     let core_khz = match cfgr.sws().bits() {
@@ -158,10 +200,9 @@ pub fn witness_khz() -> u32 {
         0b01 => 24_000,
         _ => 168_000,
     };
-    // APB1's divider is 2 to the power of one more; its timers count twice its clock.
     match cfgr.ppre1().bits() {
-        divider @ 0b100.. => core_khz >> (divider & 0b11),
-        _ => core_khz,
+        divider @ 0b100.. => (core_khz, u32::from(divider & 0b11) + 1),
+        _ => (core_khz, 0),
     }
 }
 
@@ -170,4 +211,11 @@ pub fn unique_id() -> [u8; 12] {
     const ADDRESS: *const [u8; 12] = 0x1FFF_7A10 as *const _;
     // SAFETY: system memory, which every chip of this kind has there and nothing writes.
     unsafe { ADDRESS.read_volatile() }
+}
+
+/// The chip's kind and its silicon's revision: 0x419 and, of revision 3, 0x2001 (ES0206, table 2).
+pub fn silicon() -> (u16, u16) {
+    // SAFETY: reading has no side effect.
+    let idcode = unsafe { (*DBGMCU::ptr()).idcode().read().bits() };
+    ((idcode & 0xFFF) as u16, (idcode >> 16) as u16)
 }

@@ -7,7 +7,7 @@
 use stm32f4xx_hal::pac::RCC;
 use stm32f4xx_hal::rcc::{Config, Rcc};
 
-use super::crystal::CrystalFailed;
+use super::crystal::{CrystalFailed, CrystalStart};
 
 /// The board's name, for the log.
 pub const NAME: &str = "qemu";
@@ -51,8 +51,8 @@ pub fn take_over(_: &RCC) {}
 /// # Errors
 ///
 /// None.
-pub fn clocks(rcc: Rcc) -> Result<Rcc, CrystalFailed> {
-    Ok(rcc.freeze(Config::hsi()))
+pub fn clocks(rcc: Rcc) -> Result<(Rcc, CrystalStart), CrystalFailed> {
+    Ok((rcc.freeze(Config::hsi()), CrystalStart::InTime))
 }
 
 /// Whether the clock security system has found that the crystal stopped; there is none.
@@ -68,4 +68,14 @@ pub fn witness_khz() -> u32 {
 /// The number that no other chip has: this machine has none.
 pub fn unique_id() -> [u8; 12] {
     [0; 12]
+}
+
+/// The clock of APB1, as the machine has it: UARTs have no rate there. \[kHz\]
+pub fn apb1_khz() -> u32 {
+    42_000
+}
+
+/// The chip's kind and its revision: the machine does not say.
+pub fn silicon() -> (u16, u16) {
+    (0, 0)
 }

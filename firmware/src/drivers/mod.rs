@@ -3,6 +3,7 @@
 pub mod backup;
 pub mod card;
 pub mod freeze;
+pub mod last_words;
 pub mod led;
 pub mod pulse;
 mod ring;

@@ -1,37 +1,46 @@
-//! The status line: once a second, everything that was counted, into the log.
+//! The status line: once a second, everything that was counted, into the log; and over MAVLink when it
+//! is asked for.
 //!
 //! *Design.* Pairs of `key=value` after the word `status`, so that people and programs read the same
-//! line. Counters that commonly stay 0 are left out while they are 0.
+//! line. Counters that commonly stay 0 are left out while they are 0. The counters are gone through
+//! by one piece of code, whoever takes them ([`Counts`]): the log has a key as an index into the image's
+//! strings, two bytes of the frame; MAVLink has its text.
 //!
 //! *Limits.* A line is one frame of the log, and tasks wait while that is written
 //! ([`logger`]).
 
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
 use defmt::{Format, Formatter};
 use embassy_time::{Duration, Ticker};
+use mavlink_node::StatusWriter;
 use ubx_link::Finding;
 use utc_clock::{ClockState, Reading};
 
 use crate::drivers::time;
 use crate::logger;
+use crate::not_saved::NotSaved;
 use crate::reports::{CARD, CardReport, GNSS, GnssReport, LINKS, LinkReport, MAVLINK};
 use crate::settings::VARIANT;
 use crate::{clock, stack};
+
+/// The most that the stack has held, in bytes, as of a moment in the last second.
+static STACK: AtomicU32 = AtomicU32::new(0);
 
 /// Runs forever, on the low executor.
 #[embassy_executor::task]
 pub async fn run() {
     let mut beat = Ticker::every(Duration::from_secs(1));
-    let mut stack = stack::high_water();
     loop {
-        beat.next().await;
-        log(stack);
         // It takes 240 µs to look through: after the line, which is about this moment.
-        stack = stack::high_water();
+        STACK.store(stack::high_water(), Relaxed);
+        beat.next().await;
+        log();
     }
 }
 
-/// Writes the line; `stack` is the most that it has held, in bytes.
-fn log(stack: u32) {
+/// Writes the line.
+fn log() {
     let reading = clock::reading_at(time::now());
     let gnss = GNSS.get();
     let mavlink = MAVLINK.get();
@@ -50,33 +59,138 @@ fn log(stack: u32) {
         clock.refused(),
         mavlink.map_or(0, |links| links.iter().map(|link| link.node.pings).sum()),
         time::lost_ticks(),
-        stack,
-        Clock(clock),
-        Gnss(gnss),
-        Mavlink(mavlink),
+        STACK.load(Relaxed),
+        InLog(&Clock(clock)),
+        InLog(&Gnss(gnss)),
+        InLog(&Mavlink(mavlink)),
         Slot(CARD.get()),
-        Log,
+        InLog(&Log),
     );
 }
 
-/// Writes ` key=count` for each counter that is not 0.
-macro_rules! nonzero {
-    ($f:ident, $counters:expr, { $($key:literal: $field:ident,)+ }) => {
-        let counters = $counters;
-        $(count($f, defmt::intern!($key), counters.$field);)+
+/// The same as text, for MAVLink.
+pub fn write(line: &mut StatusWriter<'_>) {
+    let reading = clock::reading_at(time::now());
+    let gnss = GNSS.get();
+    let mavlink = MAVLINK.get();
+    let clock = gnss.map(|report| report.clock).unwrap_or_default();
+    let second = gnss.map(|report| report.second).unwrap_or_default();
+    let source = gnss.map(|report| report.source).unwrap_or_default();
+    let leap_known = if reading.leap_seconds_known {
+        "true"
+    } else {
+        "false"
+    };
+    line.word("variant", VARIANT.name());
+    line.word("state", reading.state.as_str());
+    line.word("second", second.as_str());
+    line.word("source", source.as_str());
+    write_utc(line, reading);
+    line.unsigned("unc_ns", reading.uncertainty_ns);
+    let ppb = gnss.map_or(0, |report| report.frequency.0);
+    line.number("ppb", ppb.into());
+    line.word("leap_known", leap_known);
+    line.unsigned("marks", clock.accepted.into());
+    line.unsigned("refused", clock.refused().into());
+    let pings: u32 = mavlink.map_or(0, |links| links.iter().map(|link| link.node.pings).sum());
+    line.unsigned("pings", pings.into());
+    line.unsigned("lost_ticks", time::lost_ticks().into());
+    line.unsigned("stack", STACK.load(Relaxed).into());
+    let slot = CARD.get();
+    let card = slot.and_then(|report| report.not_saved);
+    line.word("card", card.map_or("", NotSaved::advice));
+    for part in [
+        &Clock(clock) as &dyn Part,
+        &Gnss(gnss),
+        &Mavlink(mavlink),
+        &Slot(slot),
+        &Log,
+    ] {
+        part.write(line);
+    }
+}
+
+/// The time in the calendar; `-` while the clock is unset.
+fn write_utc(line: &mut StatusWriter<'_>, Reading { utc, state, .. }: Reading) {
+    match utc.to_civil() {
+        Some(t) if state != ClockState::Unset => {
+            let parts = [
+                (0, u64::from(t.year), 4),
+                (b'-', t.month.into(), 2),
+                (b'-', t.day.into(), 2),
+                (b'T', t.hour.into(), 2),
+                (b':', t.minute.into(), 2),
+                (b':', t.second.into(), 2),
+                (b'.', u64::from(t.nano.unsigned_abs() / 1_000), 6),
+            ];
+            line.padded("utc", &parts, b'Z');
+        }
+        _ => line.word("utc", "-"),
+    }
+}
+
+/// Takes counters: the key for the log, the key as text, and the count.
+trait Counts {
+    /// A counter that is 0 is left out.
+    fn count(&mut self, key: defmt::Str, text: &'static str, count: u32);
+
+    /// A word; an empty one is left out.
+    fn word(&mut self, key: defmt::Str, text: &'static str, word: &str);
+
+    /// A counter of one of the links, whose name stands before the key.
+    fn count_of(&mut self, link: &LinkName, key: defmt::Str, text: &'static str, count: u32);
+}
+
+/// What the keys of a link begin with.
+struct LinkName {
+    log: defmt::Str,
+    text: &'static str,
+}
+
+macro_rules! link_name {
+    ($name:literal) => {
+        LinkName {
+            log: defmt::intern!($name),
+            text: $name,
+        }
     };
 }
 
-/// The same with ` link_key=count`.
-macro_rules! nonzero_of {
-    ($link:ident, $f:ident, $counters:expr, { $($key:literal: $field:ident,)+ }) => {
-        let counters = $counters;
-        $(count_of($f, $link, defmt::intern!($key), counters.$field);)+
-    };
+/// Counters that go through [`Counts`].
+trait Part {
+    /// Hands over all of them.
+    fn write(&self, counts: &mut dyn Counts);
 }
 
-/// Writes ` key=count` if it is not 0. Not inlined, because there are dozens of calls. The key is an
-/// index into the image's strings, two bytes of the frame and none of the flash.
+/// A part in the log.
+struct InLog<'a>(&'a dyn Part);
+
+impl Format for InLog<'_> {
+    fn format(&self, f: Formatter) {
+        self.0.write(&mut Frame(f));
+    }
+}
+
+/// A frame of the log.
+struct Frame<'a>(Formatter<'a>);
+
+impl Counts for Frame<'_> {
+    fn count(&mut self, key: defmt::Str, _: &'static str, number: u32) {
+        count(self.0, key, number);
+    }
+
+    fn word(&mut self, key: defmt::Str, _: &'static str, text: &str) {
+        if !text.is_empty() {
+            word(self.0, key, text);
+        }
+    }
+
+    fn count_of(&mut self, link: &LinkName, key: defmt::Str, _: &'static str, number: u32) {
+        count_of(self.0, link.log, key, number);
+    }
+}
+
+/// Writes ` key=count` into the log if it is not 0.
 #[inline(never)]
 fn count(f: Formatter, key: defmt::Str, count: u32) {
     if count != 0 {
@@ -92,12 +206,42 @@ fn count_of(f: Formatter, link: defmt::Str, key: defmt::Str, count: u32) {
     }
 }
 
+impl Counts for StatusWriter<'_> {
+    fn count(&mut self, _: defmt::Str, text: &'static str, count: u32) {
+        Self::count_of(self, "", text, count);
+    }
+
+    fn word(&mut self, _: defmt::Str, text: &'static str, word: &str) {
+        Self::word(self, text, word);
+    }
+
+    fn count_of(&mut self, link: &LinkName, _: defmt::Str, text: &'static str, count: u32) {
+        Self::count_of(self, link.text, text, count);
+    }
+}
+
+/// Hands over counters under their keys.
+macro_rules! nonzero {
+    ($counts:ident, $counters:expr, { $($key:literal: $field:ident,)+ }) => {
+        let counters = $counters;
+        $($counts.count(defmt::intern!($key), $key, counters.$field);)+
+    };
+}
+
+/// The same for one of the links.
+macro_rules! nonzero_of {
+    ($link:ident, $counts:ident, $counters:expr, { $($key:literal: $field:ident,)+ }) => {
+        let counters = $counters;
+        $($counts.count_of($link, defmt::intern!($key), $key, counters.$field);)+
+    };
+}
+
 /// What became of the marks.
 struct Clock(utc_clock::Counters);
 
-impl Format for Clock {
-    fn format(&self, f: Formatter) {
-        nonzero!(f, self.0, {
+impl Part for Clock {
+    fn write(&self, counts: &mut dyn Counts) {
+        nonzero!(counts, self.0, {
             "steps_forward": steps_forward,
             "steps_back": steps_back,
             "holdovers": holdovers,
@@ -136,11 +280,11 @@ impl Format for Clock {
 /// What came over the receiver's line.
 struct Gnss(Option<GnssReport>);
 
-impl Format for Gnss {
-    fn format(&self, f: Formatter) {
+impl Part for Gnss {
+    fn write(&self, counts: &mut dyn Counts) {
         let Some(report) = self.0 else { return };
-        receiver(f, report.receiver.finding);
-        nonzero!(f, report.receiver.link, {
+        receiver(counts, report.receiver.finding);
+        nonzero!(counts, report.receiver.link, {
             "gps_bad_checksums": bad_checksums,
             "gps_truncated": truncated,
             "gps_refused": refused,
@@ -150,20 +294,20 @@ impl Format for Gnss {
             "gps_nmea_starts": nmea_starts,
             "gps_foreign_bytes": foreign_bytes,
         });
-        nonzero!(f, report.receiver.session, {
+        nonzero!(counts, report.receiver.session, {
             "cfg_rounds": rounds,
             "cfg_attempts": attempts,
             "cfg_accepted": accepted,
             "cfg_refused": refused,
             "cfg_unanswered": unanswered,
         });
-        nonzero!(f, report.edges, {
+        nonzero!(counts, report.edges, {
             "edges_queued": queued,
             "edges_followed": followed,
             "edges_unclear": unclear,
             "edges_queue_full": queue_full,
         });
-        nonzero!(f, report.receiver.line, {
+        nonzero!(counts, report.receiver.line, {
             "gps_overrun": overrun,
             "gps_framing": framing,
             "gps_noise": noise,
@@ -174,20 +318,29 @@ impl Format for Gnss {
 }
 
 /// What is known of the receiver; blanks of its words are underscores.
-fn receiver(f: Formatter, finding: Finding) {
-    let identity = match finding {
-        Finding::Searching => return word(f, defmt::intern!("receiver"), "searching"),
-        Finding::Silent => return word(f, defmt::intern!("receiver"), "none"),
-        Finding::Unnamed => return word(f, defmt::intern!("receiver"), "unnamed"),
-        Finding::Used(identity) => identity,
-        Finding::Unused(identity, why) => {
-            word(f, defmt::intern!("receiver_unused"), why.reason());
-            identity
-        }
+fn receiver(counts: &mut dyn Counts, finding: Finding) {
+    let (identity, why, without_name) = match &finding {
+        Finding::Searching => (None, "", "searching"),
+        Finding::Silent => (None, "", "none"),
+        Finding::Unnamed => (None, "", "unnamed"),
+        Finding::Used(identity) => (Some(identity), "", ""),
+        Finding::Unused(identity, why) => (Some(identity), why.reason(), ""),
     };
-    word(f, defmt::intern!("receiver"), identity.model());
-    word(f, defmt::intern!("receiver_firmware"), identity.firmware());
-    defmt::write!(f, " receiver_protocol={=u16}", identity.protocol());
+    let model = identity.map_or(without_name, |identity| identity.model());
+    let firmware = identity.map_or("", |identity| identity.firmware());
+    let protocol = identity.map_or(0, |identity| identity.protocol());
+    counts.word(defmt::intern!("receiver_unused"), "receiver_unused", why);
+    counts.word(defmt::intern!("receiver"), "receiver", model);
+    counts.word(
+        defmt::intern!("receiver_firmware"),
+        "receiver_firmware",
+        firmware,
+    );
+    counts.count(
+        defmt::intern!("receiver_protocol"),
+        "receiver_protocol",
+        protocol.into(),
+    );
 }
 
 /// Writes ` key=text`, its blanks as underscores.
@@ -202,11 +355,11 @@ fn word(f: Formatter, key: defmt::Str, text: &str) {
 /// What came over the MAVLink links, the keys of each with a word of its own before them.
 struct Mavlink(Option<[LinkReport; LINKS]>);
 
-impl Format for Mavlink {
-    fn format(&self, f: Formatter) {
-        let names = [defmt::intern!("mav"), defmt::intern!("mav2")];
-        for (link, report) in names.into_iter().zip(self.0.iter().flatten()) {
-            nonzero_of!(link, f, report.node, {
+impl Part for Mavlink {
+    fn write(&self, counts: &mut dyn Counts) {
+        let names = [link_name!("mav"), link_name!("mav2")];
+        for (link, report) in names.iter().zip(self.0.iter().flatten()) {
+            nonzero_of!(link, counts, report.node, {
                 "timesyncs": timesyncs,
                 "commands": commands,
                 "parameters": parameters,
@@ -217,7 +370,7 @@ impl Format for Mavlink {
                 "for_others": for_others,
                 "from_nobody": from_nobody,
             });
-            nonzero_of!(link, f, report.node.framing, {
+            nonzero_of!(link, counts, report.node.framing, {
                 "crc_failures": crc_failures,
                 "abandoned": abandoned,
                 "unknown_flags": unknown_flags,
@@ -225,7 +378,7 @@ impl Format for Mavlink {
                 "claimed": claimed,
                 "foreign_bytes": foreign_bytes,
             });
-            nonzero_of!(link, f, report.line, {
+            nonzero_of!(link, counts, report.line, {
                 "overrun": overrun,
                 "framing": framing,
                 "noise": noise,
@@ -241,11 +394,17 @@ struct Slot(Option<CardReport>);
 
 impl Format for Slot {
     fn format(&self, f: Formatter) {
-        let Some(report) = self.0 else { return };
-        if let Some(why) = report.not_saved {
+        if let Some(why) = self.0.and_then(|report| report.not_saved) {
             defmt::write!(f, " card={}", why);
         }
-        nonzero!(f, report.errors, {
+        self.write(&mut Frame(f));
+    }
+}
+
+impl Part for Slot {
+    fn write(&self, counts: &mut dyn Counts) {
+        let Some(report) = self.0 else { return };
+        nonzero!(counts, report.errors, {
             "card_silent": silent,
             "card_crc": crc,
             "card_timeout": timeout,
@@ -258,11 +417,19 @@ impl Format for Slot {
 /// What is not in the log.
 struct Log;
 
-impl Format for Log {
-    fn format(&self, f: Formatter) {
-        count(f, defmt::intern!("log_dropped"), logger::dropped());
+impl Part for Log {
+    fn write(&self, counts: &mut dyn Counts) {
+        counts.count(
+            defmt::intern!("log_dropped"),
+            "log_dropped",
+            logger::dropped(),
+        );
         #[cfg(loaded)]
-        count(f, defmt::intern!("load_left_out"), crate::load::left_out());
+        counts.count(
+            defmt::intern!("load_left_out"),
+            "load_left_out",
+            crate::load::left_out(),
+        );
     }
 }
 

@@ -4,35 +4,28 @@
 //! at the end. It covers all of the flash behind the bootloader, whatever the image's length: what
 //! is not programmed is 0xFF.
 
-/// The polynomial, reflected.
-const POLYNOMIAL: u32 = 0xEDB8_8320;
+use crc::{Algorithm, Crc};
 
-/// The remainders of all bytes.
-const REMAINDERS: [u32; 256] = {
-    let mut table = [0; 256];
-    let mut byte = 0;
-    while byte < table.len() {
-        let mut remainder = byte as u32;
-        let mut bit = 0;
-        while bit < 8 {
-            let lowest = remainder & 1;
-            remainder = (remainder >> 1) ^ (POLYNOMIAL * lowest);
-            bit += 1;
-        }
-        table[byte] = remainder;
-        byte += 1;
-    }
-    table
+/// The bootloader's own among the many CRC-32.
+const ALGORITHM: Algorithm<u32> = Algorithm {
+    width: 32,
+    poly: 0x04C1_1DB7,
+    init: 0,
+    refin: true,
+    refout: true,
+    xorout: 0,
+    check: 0x2DFD_2D88,
+    residue: 0,
 };
+const CRC: Crc<u32> = Crc::<u32>::new(&ALGORITHM);
 
 /// The checksum of `bytes`, followed by as many erased bytes as make `room` of them.
 #[must_use]
 pub fn crc32(bytes: &[u8], room: usize) -> u32 {
-    let erased = room.saturating_sub(bytes.len());
-    let all = bytes.iter().chain(std::iter::repeat_n(&0xFF, erased));
-    all.fold(0, |crc, &byte| {
-        REMAINDERS[usize::from(byte ^ crc as u8)] ^ (crc >> 8)
-    })
+    let mut digest = CRC.digest();
+    digest.update(bytes);
+    digest.update(&vec![0xFF; room.saturating_sub(bytes.len())]);
+    digest.finalize()
 }
 
 #[cfg(test)]

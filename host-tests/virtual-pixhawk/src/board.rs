@@ -125,6 +125,12 @@ impl Pixhawk1 {
         })
     }
 
+    /// Takes the crystal off, whose rate the core keeps all the same: an emulated core's is fixed.
+    pub(crate) fn without_crystal(mut self) -> Self {
+        self.mcu.rcc.attach_crystals(0, 0);
+        self
+    }
+
     /// Makes the flash one that the core can erase and program.
     pub(crate) fn with_programmable_flash(self) -> Self {
         Self {

@@ -17,7 +17,7 @@ use rigless::emulator::{Access, AccessKind, Checked, CoreBus, InterruptLine, Que
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
-use crate::image::FLASH;
+use crate::flash::FLASH;
 
 /// The flash, in bytes (RM0090, table 6).
 const SIZE: u64 = 2 << 20;

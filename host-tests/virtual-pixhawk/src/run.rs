@@ -26,8 +26,9 @@ use world::{Pulse, Receiver, Sent, Talker, WorldNanos};
 use crate::board::{CyclesPerInstruction, GPS, Pixhawk1, Plugged, TELEM1, TELEM2};
 use crate::bootloader::Bootloader;
 use crate::card::Card;
+use crate::flash::APPLICATION;
 use crate::gaps::Gaps;
-use crate::image::{APPLICATION, Firmware};
+use crate::image::Firmware;
 use crate::meter::{Meter, Profile};
 use crate::operator::{Log, Logged, Next, Operator, Order, Stopped};
 use crate::probe::Probe;
@@ -74,6 +75,7 @@ pub struct Builder {
     unique_id: [u8; 12],
     upload: Option<(UploadBootloader, Vec<u8>)>,
     crystal_ppb: i32,
+    has_crystal: bool,
     pace: CyclesPerInstruction,
     gps: Box<dyn Talker + Send>,
     telem1: Box<dyn Talker + Send>,
@@ -108,6 +110,7 @@ impl Builder {
             unique_id: *b"virtual chip",
             upload: None,
             crystal_ppb: 0,
+            has_crystal: true,
             pace: std::env::var(PACE_VARIABLE).map_or(CyclesPerInstruction::ONE, |pace| {
                 pace.parse().expect("the variable of the core's pace")
             }),
@@ -117,6 +120,13 @@ impl Builder {
             pulse: PulseWire::new(std::iter::empty()),
             card: None,
         }
+    }
+
+    /// Takes the crystal off the board, or breaks it.
+    #[must_use]
+    pub const fn without_crystal(mut self) -> Self {
+        self.has_crystal = false;
+        self
     }
 
     /// Puts a bootloader that takes uploads into the flash, and these bytes of an application behind it
@@ -210,6 +220,7 @@ impl Builder {
             unique_id,
             upload,
             crystal_ppb,
+            has_crystal,
             pace,
             gps,
             telem1,
@@ -233,6 +244,9 @@ impl Builder {
             meter.clone(),
             probe.clone(),
         )?;
+        if !has_crystal {
+            board = board.without_crystal();
+        }
         let mut images = match upload {
             Some((bootloader, application)) => {
                 board = board.with_programmable_flash();

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use rigless::image::Image;
 
-use crate::image::APPLICATION;
+use crate::flash::APPLICATION;
 
 /// Names its ELF file; `cargo xtask board-test` sets it.
 const VARIABLE: &str = "PIXCLOCK_BOOTLOADER";
@@ -49,7 +49,11 @@ impl UploadBootloader {
         };
         let mut images = vec![
             Image::new(&self.path, self.elf.clone(), None)?,
-            raw("the flash's size", FLASH_KB.to_le_bytes().to_vec(), FLASH_KB_AT)?,
+            raw(
+                "the flash's size",
+                FLASH_KB.to_le_bytes().to_vec(),
+                FLASH_KB_AT,
+            )?,
         ];
         if !application.is_empty() {
             images.push(raw("the application", application, APPLICATION)?);

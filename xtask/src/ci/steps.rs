@@ -242,6 +242,7 @@ fn figures() -> Vec<Step> {
         Step::xtask("bounds", &["compare", "--check"]),
         Step::xtask("integrity", &["integrity", "--check"]),
         Step::xtask("size", &["size"]),
+        Step::xtask("a firmware file", &["px4", "target/pixclock.px4"]),
         // On cores of 1.6 cycles an instruction by hand, until all of them hold there.
         Step::xtask("board tests", &["board-test", "--cpi", "1.0"]),
         Step::xtask("the paper's experiment", &experiment),

@@ -42,6 +42,19 @@ impl Reason {
         }
     }
 
+    /// The word for it in a status line.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Panic => "panic",
+            Self::HardFault => "hard_fault",
+            Self::Unexpected(_) => "no_handler",
+            Self::Crystal => "crystal",
+            Self::Task(_) => "task",
+            Self::Watchdog => "watchdog",
+        }
+    }
+
     /// The number, and above it what there is beside it.
     pub(crate) const fn to_word(self) -> u32 {
         let detail = match self {

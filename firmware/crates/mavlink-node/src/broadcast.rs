@@ -17,7 +17,7 @@ use mavlink::dialects::common::{
 use node_values::{NodeTime, Severity};
 use timebase::Fix;
 
-use crate::frame::Frame;
+use crate::frame::{Address, Frame, Sender, Version};
 use crate::node::Node;
 use crate::severity::mav_severity;
 
@@ -105,4 +105,25 @@ impl Node {
         };
         self.sender.message(self.version, &statustext)
     }
+}
+
+/// What a board says that has no node any more: a HEARTBEAT that is critical, without which stations show
+/// nothing, and a STATUSTEXT with the first 50 bytes of `text`. In MAVLink 1, which all understand.
+#[must_use]
+pub fn last_words(from: Address, text: &str) -> [Frame; 2] {
+    let mut sender = Sender::new(from);
+    let heartbeat = HEARTBEAT_DATA {
+        system_status: MavState::MAV_STATE_CRITICAL,
+        mavlink_version: MAVLINK_VERSION,
+        ..HEARTBEAT_DATA::DEFAULT
+    };
+    let statustext = STATUSTEXT_DATA {
+        severity: mav_severity(Severity::Error),
+        text: text.into(),
+        ..STATUSTEXT_DATA::DEFAULT
+    };
+    [
+        sender.message(Version::V1, &heartbeat),
+        sender.message(Version::V1, &statustext),
+    ]
 }

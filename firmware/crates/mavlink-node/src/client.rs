@@ -26,6 +26,7 @@ use crate::framer::{Delimited, Framer, FramingCounters};
 use crate::kind::{Kind, Wanted};
 use crate::log_transfer::{LOG_DATA_LEN, LOG_ID};
 use crate::ping::Ping;
+use crate::status_transfer::STATUS_ID;
 
 /// A message of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -187,6 +188,9 @@ pub struct Client {
 }
 
 impl Client {
+    /// The number of the log that is the status.
+    pub const STATUS: u16 = STATUS_ID;
+
     /// A client that speaks `version` as `address`.
     #[must_use]
     pub const fn new(address: Address, version: Version) -> Self {
@@ -281,6 +285,19 @@ impl Client {
             ofs: offset,
             count,
             id: LOG_ID,
+            target_system: node.system,
+            target_component: node.component,
+        })
+    }
+
+    /// A request for the status, which replaces an earlier one. Answered with one [`Message::LogData`]
+    /// of the log [`Self::STATUS`] after the other, up to one with fewer than [`LOG_DATA_LEN`] bytes:
+    /// a text as in the board's own log, `status key=value key=value …`.
+    pub fn status(&mut self, node: Address) -> Frame {
+        self.frame(&LOG_REQUEST_DATA_DATA {
+            ofs: 0,
+            count: u32::MAX,
+            id: STATUS_ID,
             target_system: node.system,
             target_component: node.component,
         })

@@ -14,7 +14,8 @@
 //!
 //! *Limits.* One node a line. Signatures are not checked: the time is no secret, and signed
 //! requests are answered unsigned, as the C library does when it has no key. There are no missions
-//! and no files, which is said to who asks; there is one log, and no parameter can be set.
+//! and no files, which is said to who asks; there is one log, and beside it the status as a log that
+//! is not listed; no parameter can be set.
 //!
 //! ```
 //! use mavlink_node::client::{Client, GROUND_STATION, Message};
@@ -69,8 +70,10 @@ mod plotted;
 mod replies;
 mod request;
 mod severity;
+mod status_transfer;
 mod wanted;
 
+pub use broadcast::last_words;
 pub use command::{Command, Order, Refusal};
 pub use frame::{Address, Frame, Version};
 pub use kind::{Kind, Wanted};
@@ -81,5 +84,6 @@ pub use plotted::Plotted;
 pub use replies::Described;
 pub use request::{Request, RequestKind};
 pub use sample_log::Test;
+pub use status_transfer::{StatusLine, StatusWriter};
 pub use timebase::Fix;
 pub use wanted::Requests;

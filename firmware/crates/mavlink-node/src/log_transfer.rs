@@ -8,7 +8,8 @@
 //! piece, since the log may grow or be cleared meanwhile. A request behind its end is answered with
 //! a piece of no bytes.
 //!
-//! *Limits.* There is one log, number 1, and it is listed even when it is empty.
+//! *Limits.* There is one log, number 1, and it is listed even when it is empty. Number 2 is the
+//! [status](crate::StatusLine).
 
 use mavlink::dialects::common::{LOG_DATA_DATA, LOG_ENTRY_DATA};
 use timebase::divide;

@@ -42,6 +42,7 @@ use crate::parameter::PendingParameters;
 use crate::ping::Ping;
 use crate::replies::{FailedParameter, FileAsked, MissionAsked, ParameterError, PendingReplies};
 use crate::request::{Request, RequestKind};
+use crate::status_transfer::{STATUS_ID, StatusLine, StatusTransfer};
 use crate::wanted::{Requests, target_at};
 
 /// How a node behaves.
@@ -127,6 +128,7 @@ pub struct Node {
     pub(crate) version: Version,
     parameters: PendingParameters,
     log: LogTransfer,
+    status: StatusTransfer,
     pub(crate) replies: PendingReplies,
     counters: Counters,
 }
@@ -149,6 +151,7 @@ impl Node {
             version: Version::V1,
             parameters: PendingParameters::NONE,
             log: LogTransfer::NONE,
+            status: StatusTransfer::NONE,
             replies: PendingReplies::new(config.unique_id),
             counters: Counters {
                 pings: 0,
@@ -315,6 +318,7 @@ impl Node {
                 let request = LOG_REQUEST_DATA_DATA::deser(V2, payload).ok()?;
                 match request.id {
                     LOG_ID => self.log.want(version, request.ofs, request.count),
+                    STATUS_ID if request.ofs == 0 => self.status.want(version),
                     _ => counters.unknown = counters.unknown.wrapping_add(1),
                 }
             }
@@ -372,16 +376,20 @@ impl Node {
     /// Whether [`Self::poll`] has something to send.
     #[must_use]
     pub const fn has_more(&self) -> bool {
-        !self.replies.is_none() || !self.parameters.is_none() || !self.log.is_done()
+        !self.replies.is_none()
+            || !self.parameters.is_none()
+            || !self.status.is_done()
+            || !self.log.is_done()
     }
 
     /// The next frame of an answer that takes more than one. To be called when nothing more urgent
     /// waits for the line.
     #[inline(never)]
-    pub fn poll(&mut self, board: &(impl Parameters + LogFile)) -> Option<Frame> {
+    pub fn poll(&mut self, board: &(impl Parameters + LogFile + StatusLine)) -> Option<Frame> {
         self.replies
             .poll(&mut self.sender)
             .or_else(|| self.parameters.poll(&mut self.sender, board))
+            .or_else(|| self.status.poll(&mut self.sender, board))
             .or_else(|| self.log.poll(&mut self.sender, board))
     }
 

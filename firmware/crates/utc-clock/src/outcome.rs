@@ -56,7 +56,19 @@ pub enum SecondProof {
     Contradicted,
 }
 
-/// The word for it in a status line: `open`, `proved` or `contradicted`.
+impl SecondProof {
+    /// The word for it in a status line.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Open => "open",
+            Self::Proved => "proved",
+            Self::Contradicted => "contradicted",
+        }
+    }
+}
+
+/// The same word.
 #[cfg(feature = "defmt")]
 impl defmt::Format for SecondProof {
     fn format(&self, f: defmt::Formatter<'_>) {
@@ -80,7 +92,19 @@ pub enum Source {
     Pulse,
 }
 
-/// The word for it in a status line: `-`, `message` or `pulse`.
+impl Source {
+    /// The word for it in a status line.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Nothing => "-",
+            Self::Message => "message",
+            Self::Pulse => "pulse",
+        }
+    }
+}
+
+/// The same word.
 #[cfg(feature = "defmt")]
 impl defmt::Format for Source {
     fn format(&self, f: defmt::Formatter<'_>) {

@@ -1,14 +1,14 @@
-//! What the node looks up: parameters, and the file of the log.
+//! What the node looks up: parameters, the file of the log, and the status.
 
-use mavlink_node::{LogFile, Parameter, Parameters};
+use mavlink_node::{LogFile, Parameter, Parameters, StatusLine, StatusWriter};
 use sample_log::csv;
 
-use super::broadcast;
+use super::{broadcast, words};
 use crate::reports::GNSS;
 use crate::samples::SAMPLES;
 use crate::settings::{GPS_BAUD, VARIANT};
 use crate::story;
-use crate::tasks::paper;
+use crate::tasks::{paper, status};
 
 /// The board that this image runs on.
 pub struct ThisBoard;
@@ -26,7 +26,7 @@ impl Parameters for ThisBoard {
             }
             Parameter::LogLen => SAMPLES.len(),
             Parameter::LogMissed => SAMPLES.with(|log| log.missed()),
-            Parameter::Fault => story::before().map_or(0, |reason| reason.number().into()),
+            Parameter::Fault => story::before().map_or(0, |(reason, _)| reason.number().into()),
         };
         // Exact below 2^24.
         value as f32
@@ -44,5 +44,15 @@ impl LogFile for ThisBoard {
 
     fn read_log(&self, offset: u32, out: &mut [u8]) -> usize {
         SAMPLES.read(offset, out)
+    }
+}
+
+impl StatusLine for ThisBoard {
+    fn write_status(&self, line: &mut StatusWriter<'_>) {
+        status::write(line);
+        let before = story::before();
+        line.word("fault", before.map_or("", |(reason, _)| reason.as_str()));
+        let place = before.map(|(_, place)| words::place_word(place));
+        line.word("fault_at", place.as_deref().unwrap_or_default());
     }
 }

@@ -44,6 +44,12 @@ pub fn statustext(event: ClockEvent) -> (Severity, Text) {
         }
         ClockEvent::Restarted { .. } => (Severity::Error, "restarted", None, ""),
         ClockEvent::Receiver(_) => (Severity::Info, "GNSS", None, ""),
+        ClockEvent::CrystalLate { after_us } => (
+            Severity::Warning,
+            "the crystal started late: ",
+            Some(after_us.into()),
+            " us",
+        ),
         ClockEvent::LogFull => (Severity::Warning, "log full", None, ""),
         ClockEvent::Saved { file, samples } => {
             push_number(&mut text, samples.into());
@@ -105,27 +111,19 @@ fn receiver(finding: Finding) -> (Severity, Text) {
 
 /// A fault that ended the run before.
 fn restarted(reason: Reason, place: Place) -> Text {
-    /// Of a file's path, what has room.
-    const FILE: usize = 22;
     let mut text = Text::new();
     // All of it fits.
     let _ = text.push_str("restarted: ");
     let _ = match (reason, place) {
-        (Reason::Panic, Place::Source { file, len, line }) => {
-            let path = story::file_name(file, len);
-            let tail = path.get(path.len().saturating_sub(FILE)..).unwrap_or(path);
+        (Reason::Panic, Place::Source { .. }) => {
             let _ = text.push_str("panic, ");
-            let _ = text.push_str(tail);
-            let _ = text.push(':');
-            push_number(&mut text, line.into());
-            Ok(())
+            text.push_str(&place_word(place))
         }
         (Reason::Panic, _) => text.push_str("panic"),
         (Reason::HardFault, Place::StackOverflow) => text.push_str("stack overflow"),
-        (Reason::HardFault, Place::Instruction(at)) => {
-            let _ = text.push_str("hard fault at 0x");
-            push_hex(&mut text, at);
-            Ok(())
+        (Reason::HardFault, Place::Instruction(_)) => {
+            let _ = text.push_str("hard fault at ");
+            text.push_str(&place_word(place))
         }
         (Reason::HardFault, _) => text.push_str("hard fault"),
         (Reason::Unexpected(exception), _) => {
@@ -140,6 +138,33 @@ fn restarted(reason: Reason, place: Place) -> Text {
         }
         (Reason::Watchdog, _) => text.push_str("the watchdog was not fed"),
     };
+    text
+}
+
+/// The place of a fault as one word: `file.rs:12`, `0x08001234`, `stack_overflow`; empty if it is not
+/// known.
+pub fn place_word(place: Place) -> Text {
+    /// Of a file's path, what has room.
+    const FILE: usize = 22;
+    let mut text = Text::new();
+    match place {
+        Place::Source { file, len, line } => {
+            let path = story::file_name(file, len);
+            let tail = path.get(path.len().saturating_sub(FILE)..).unwrap_or(path);
+            // All of it fits.
+            let _ = text.push_str(tail);
+            let _ = text.push(':');
+            push_number(&mut text, line.into());
+        }
+        Place::Instruction(at) => {
+            let _ = text.push_str("0x");
+            push_hex(&mut text, at);
+        }
+        Place::StackOverflow => {
+            let _ = text.push_str("stack_overflow");
+        }
+        Place::Unknown => {}
+    }
     text
 }
 

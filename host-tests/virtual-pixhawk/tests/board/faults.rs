@@ -374,6 +374,40 @@ fn a_crystal_that_dies_is_shown_on_the_other_clock_and_reported() {
 }
 
 #[test]
+fn a_crystal_that_does_not_start_is_said_on_the_line_at_hsis_speed_and_shown() {
+    let Some(firmware) = image() else { return };
+    let mut board = Builder::new(firmware).without_crystal().power_on().unwrap();
+    // Each run waits 100 ms for it.
+    board.run_to(WorldNanos(10 * SECOND)).unwrap();
+    let restarts = board.restarts().unwrap();
+    assert_eq!(restarts.len(), 2, "{restarts:?}");
+    assert!(restarts[0].0 < 1_200 * MS, "{restarts:?}");
+    let received = board.take_received(Connector::Telem1).unwrap();
+    let messages = messages(&received);
+    let said = messages.iter().filter(|(_, what)| {
+        matches!(what, Message::StatusText { severity: 3, text } if text.as_str() == "stopped by a fault: crystal")
+    });
+    // Once a run, and then again and again, 3.4 s apart.
+    assert!(said.count() >= 4, "{messages:?}");
+    let beats = messages
+        .iter()
+        .filter(|(_, what)| *what == Message::Heartbeat);
+    assert!(beats.count() >= 4, "{messages:?}");
+    let log = board.take_log().unwrap();
+    assert!(
+        errors(&log)
+            .iter()
+            .any(|line| line.starts_with("the crystal failed, after 0 ms"))
+    );
+    let mut runs = flashes(&mut board, 10 * SECOND);
+    let cycle = [
+        100, 100, 100, 100, 400, 1_000, 150, 250, 150, 250, 150, 250, 150, 850,
+    ];
+    runs.drain(..runs.iter().position(|ms| *ms > 900).unwrap() + 9);
+    assert!(is_about(&runs, &cycle), "{runs:?}");
+}
+
+#[test]
 fn a_task_that_stops_is_found_shown_and_reported() {
     let Some(firmware) = image() else { return };
     for (of, name) in [("gnss", "GNSS"), ("mavlink", "MAVLink")] {

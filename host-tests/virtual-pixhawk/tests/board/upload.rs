@@ -1,171 +1,24 @@
 //! Firmware goes on through the bootloader, over TELEM1, and never half of it is booted.
 
+mod others;
+mod station;
+
 use std::io::{BufRead as _, BufReader};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::common::{BAUD, BYTE_NS, MS, SECOND, image};
 use mavlink_node::client::{Client, GROUND_STATION};
 use mavlink_node::{Address, Version};
-use upload::{Device, FLASH_ROOM, Failure, Image, PIXHAWK_1, Px4File, Uploader};
+use upload::{Device, FLASH_ROOM, Failure, Image, PIXHAWK_1, Px4File};
 use virtual_pixhawk::{Builder, Connector, Firmware, Pixhawk, TcpLine, UploadBootloader};
-use world::{Sent, Talker, Transmission, WorldNanos};
+use world::{Transmission, WorldNanos};
 
-/// What other people's firmware says at its start.
-const GREETING: &[u8] = b"other people's firmware\n";
-
-/// Other people's firmware: it sends its greeting over TELEM1 and stops.
-fn others() -> Px4File {
-    const RCC_AHB1ENR: u32 = 0x4002_3830;
-    const RCC_APB1ENR: u32 = 0x4002_3840;
-    const GPIOD_MODER: u32 = 0x4002_0C00;
-    const GPIOD_AFRL: u32 = 0x4002_0C20;
-    const USART2: u32 = 0x4000_4400;
-    const VECTORS: usize = 0x40;
-    let mut code = Vec::new();
-    for (address, value) in [
-        (RCC_AHB1ENR, 1 << 3),
-        (RCC_APB1ENR, 1 << 17),
-        (GPIOD_AFRL, 0x0770_0000),
-        (GPIOD_MODER, 0x2800),
-        // 16 MHz / 139; UE and TE.
-        (USART2 + 8, 139),
-        (USART2 + 12, 1 << 13 | 1 << 3),
-    ] {
-        store(&mut code, address, value);
-    }
-    for &byte in GREETING {
-        load(&mut code, 0, USART2);
-        // ldr r2, [r0]; lsls r2, r2, #24; bpl to the ldr: until TXE.
-        code.extend([0x6802, 0x0612, 0xD5FC]);
-        store(&mut code, USART2 + 4, byte.into());
-    }
-    // b to itself
-    code.push(0xE7FE);
-    let mut bytes = vec![0; VECTORS];
-    bytes[..4].copy_from_slice(&0x2001_0000_u32.to_le_bytes());
-    bytes[4..8].copy_from_slice(&(0x0800_4000 + VECTORS as u32 + 1).to_le_bytes());
-    bytes.extend(code.into_iter().flat_map(u16::to_le_bytes));
-    // More, so that it takes many commands.
-    let mut random = fastrand::Rng::with_seed(17);
-    bytes.resize_with(5_000, || random.u8(..));
-    Px4File {
-        image_maxsize: 1_032_192,
-        ..Px4File::new(bytes)
-    }
-}
-
-/// str of `value` to `address`, by r0 and r1.
-fn store(code: &mut Vec<u16>, address: u32, value: u32) {
-    load(code, 0, address);
-    load(code, 1, value);
-    code.push(0x6001);
-}
-
-/// movw and movt (ARMv7-M A7.7.76, A7.7.79).
-fn load(code: &mut Vec<u16>, register: u16, value: u32) {
-    for (opcode, half) in [(0xF240, value as u16), (0xF2C0, (value >> 16) as u16)] {
-        code.push(opcode | (half >> 1 & 0x400) | half >> 12);
-        code.push((half << 4 & 0x7000) | register << 8 | half & 0xFF);
-    }
-}
-
-/// What a station has done.
-#[derive(Debug, Default)]
-struct Record {
-    /// When each command begins and ends on the line.
-    commands: Vec<(WorldNanos, WorldNanos)>,
-    outcome: Option<Result<Device, Failure>>,
-}
-
-/// A host on TELEM1 that uploads.
-struct Station {
-    /// What it sends before: that the firmware is to restart.
-    call: Option<Transmission>,
-    uploader: Uploader,
-    /// A command that waits for its moment, and since when.
-    waiting: Option<(WorldNanos, Vec<u8>)>,
-    free: WorldNanos,
-    record: Arc<Mutex<Record>>,
-}
-
-fn since_start(at: WorldNanos) -> Duration {
-    Duration::from_nanos(at.0)
-}
-
-impl Station {
-    fn new(image: Image, begins: WorldNanos, call: Option<Transmission>) -> Self {
-        let begins = since_start(begins);
-        Self {
-            call,
-            uploader: Uploader::new(image, begins, begins + Duration::from_secs(10)),
-            waiting: None,
-            free: WorldNanos(0),
-            record: Arc::default(),
-        }
-    }
-
-    fn record(&self) -> Arc<Mutex<Record>> {
-        Arc::clone(&self.record)
-    }
-
-    /// Takes what the uploader has to say.
-    fn look(&mut self, now: WorldNanos) {
-        let outcome = self.uploader.outcome();
-        self.note(|record| record.outcome = outcome);
-        if let Some(command) = self.uploader.poll_transmit() {
-            self.waiting = Some((now, command));
-        }
-    }
-
-    fn note(&self, change: impl FnOnce(&mut Record)) {
-        change(&mut self.record.lock().unwrap_or_else(PoisonError::into_inner));
-    }
-}
-
-impl Talker for Station {
-    fn next_event(&self) -> Option<WorldNanos> {
-        if let Some((since, _)) = self.waiting {
-            return Some(since);
-        }
-        let call = self.call.as_ref().map(|call| call.start);
-        let due = self.uploader.poll_timeout()?;
-        let due = WorldNanos(due.as_nanos() as u64);
-        Some(call.unwrap_or(due).min(due))
-    }
-
-    fn poll(&mut self, now: WorldNanos) -> Option<Transmission> {
-        if let Some(call) = self.call.take_if(|call| call.start <= now) {
-            return Some(call);
-        }
-        if self.waiting.is_none() {
-            self.uploader.handle_timeout(since_start(now));
-            self.look(now);
-        }
-        let (_, bytes) = self.waiting.take()?;
-        let transmission = Transmission {
-            start: now.max(self.free),
-            bytes,
-            baud: BAUD,
-        };
-        self.free = transmission.end();
-        let command = (transmission.start, transmission.end());
-        self.note(|record| record.commands.push(command));
-        Some(transmission)
-    }
-
-    fn handle_bytes(&mut self, at: WorldNanos, _: u32, bytes: &[u8]) {
-        self.uploader.handle_bytes(bytes, since_start(at));
-        self.look(at);
-    }
-
-    fn truth(&self) -> &[Sent] {
-        &[]
-    }
-}
+use others::{GREETING, others};
+use station::{Record, Station};
 
 /// The command that has pixclock restart into the bootloader.
 fn call(start: WorldNanos) -> Transmission {

@@ -113,7 +113,7 @@ impl fmt::Display for Failure {
             Self::WrongBoard { board, image } => write!(
                 f,
                 "the image is for boards with the id {image}, and this board's is {board}: nothing \
-                 was changed; take a file for this board"
+                 was changed; take a file for this board, or power it off and on"
             ),
             Self::TooLarge { size, room } => write!(
                 f,

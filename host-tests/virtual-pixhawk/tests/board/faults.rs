@@ -378,7 +378,7 @@ fn a_crystal_that_does_not_start_is_said_on_the_line_at_hsis_speed_and_shown() {
     let Some(firmware) = image() else { return };
     let mut board = Builder::new(firmware).without_crystal().power_on().unwrap();
     // Each run waits 100 ms for it.
-    board.run_to(WorldNanos(10 * SECOND)).unwrap();
+    board.run_to(WorldNanos(7 * SECOND)).unwrap();
     let restarts = board.restarts().unwrap();
     assert_eq!(restarts.len(), 2, "{restarts:?}");
     assert!(restarts[0].0 < 1_200 * MS, "{restarts:?}");
@@ -399,7 +399,7 @@ fn a_crystal_that_does_not_start_is_said_on_the_line_at_hsis_speed_and_shown() {
             .iter()
             .any(|line| line.starts_with("the crystal failed, after 0 ms"))
     );
-    let mut runs = flashes(&mut board, 10 * SECOND);
+    let mut runs = flashes(&mut board, 9 * SECOND);
     let cycle = [
         100, 100, 100, 100, 400, 1_000, 150, 250, 150, 250, 150, 250, 150, 850,
     ];

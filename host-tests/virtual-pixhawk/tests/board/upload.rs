@@ -292,6 +292,12 @@ fn xtask_uploads_to_a_running_board_and_refuses_what_does_not_belong() {
         "{printed}"
     );
     assert!(served.pixclock_runs_as(7));
+    let mut status = Command::new(&xtask);
+    let (has_succeeded, printed) = served.while_runs(status.args(["status", &address, "--json"]));
+    assert!(
+        has_succeeded && printed.contains("\"variant\": \"pixclock\""),
+        "{printed}"
+    );
     let mut upload = |file: &Px4File| {
         let path = written(&folder, file);
         let mut command = Command::new(&xtask);

@@ -106,8 +106,9 @@ impl StatusLine for Board {
         line.word("card", "");
         line.word("why", "no card");
         for (nth, &byte) in self.0.iter().enumerate() {
-            line.count(
-                &format!("counter_{nth}"),
+            line.count_of(
+                "counter",
+                &nth.to_string(),
                 u32::from(byte) % 3 * 1_000_000_007,
             );
         }

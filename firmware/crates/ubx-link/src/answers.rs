@@ -163,3 +163,72 @@ impl Answers {
         Answer::Port(masks.copied().unwrap_or_default())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::vec::Vec;
+
+    use super::*;
+    use crate::config::sum;
+
+    fn frame(class: u8, id: u8, payload: &[u8]) -> Vec<u8> {
+        let [low, high] = (payload.len() as u16).to_le_bytes();
+        let mut frame = std::vec![SYNC_1, SYNC_2, class, id, low, high];
+        frame.extend(payload);
+        frame.extend([0, 0]);
+        sum(&mut frame);
+        frame
+    }
+
+    fn version(extensions: &[&str]) -> Vec<u8> {
+        let mut payload = Vec::new();
+        for (text, length) in [("EXT CORE 1.00", FIELD_LEN), ("00190000", HARDWARE_LEN)]
+            .into_iter()
+            .chain(extensions.iter().map(|text| (*text, FIELD_LEN)))
+        {
+            let end = payload.len() + length;
+            payload.extend(text.bytes());
+            payload.resize(end, 0);
+        }
+        frame(0x0a, 0x04, &payload)
+    }
+
+    fn read(bytes: &[u8]) -> Vec<Answer> {
+        let mut answers = Answers::new();
+        answers.handle_wanted(true);
+        bytes
+            .iter()
+            .filter_map(|byte| answers.push(*byte))
+            .collect()
+    }
+
+    #[test]
+    fn answers_are_found_among_noise() {
+        let mut port = [0; PORT_LEN];
+        port[12..16].copy_from_slice(&[7, 0, 3, 0]);
+        let mut line = b"$GNRMC,,V*00\r\n\xb5\xb5\x62\x0a\x05".to_vec();
+        line.extend(frame(0x06, 0x00, &port));
+        line.push(SYNC_1);
+        line.extend(version(&["PROTVER=27.31", "MOD=ZED-F9P"]));
+        let answers = read(&line);
+        let [Answer::Port([7, 0, 3, 0]), Answer::Version(identity)] = answers[..] else {
+            panic!("{answers:?}");
+        };
+        assert_eq!((identity.model(), identity.protocol()), ("ZED-F9P", 2_731));
+    }
+
+    #[test]
+    fn what_is_damaged_or_of_another_length_is_none() {
+        let whole = version(&["PROTVER=18.00"]);
+        assert_eq!(read(&whole).len(), 1);
+        for nth in 2..whole.len() {
+            let mut damaged = whole.clone();
+            damaged[nth] ^= 0x10;
+            assert_eq!(read(&damaged), [], "{nth}");
+        }
+        assert_eq!(read(&frame(0x0a, 0x04, &[0; VERSION_LEN + 1])), []);
+        assert_eq!(read(&frame(0x06, 0x00, &[0; PORT_LEN - 1])), []);
+        assert_eq!(read(&frame(0x0a, 0x04, &[0; 5_000])), []);
+    }
+}

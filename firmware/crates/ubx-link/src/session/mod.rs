@@ -9,67 +9,52 @@
 //! last bit has left ([`Session::handle_sent`]): before that the session does nothing, and above
 //! all does not change the rate.
 //!
-//! An *attempt* polls CFG-PRT at one rate: its answer has the protocols that the port had. With it or
-//! after [`PORT_ANSWER`] it sends CFG-VALSET and CFG-PRT, of which each generation takes its own,
+//! An *attempt* polls CFG-PRT at one rate: its answer has the protocols that the port had. With it, or
+//! 100 ms later, it sends CFG-VALSET and CFG-PRT, of which each generation takes its own,
 //! changes to our rate, gives the receiver time to do the same, and polls MON-VER there. The answers to
 //! the two are not waited for, because their rate is not defined. If any event comes, the receiver
-//! is found, and the settings follow as [`STEPS`] has them, each until it is answered or has been sent
-//! [`Session::TRIES`] times. Whether TIM-TP is wanted is the
-//! last of them, and is sent again when it changes. It comes on request only, since a burst should
-//! begin with NAV-PVT. What comes and is not used is switched off as it comes
-//! ([`Session::handle_unwanted`]). What the receiver refuses [`Session::TRIES`] times is reported
-//! ([`Session::poll_refusal`]) and not asked again before it is found anew. If no event comes, the next
-//! attempt takes the next rate ([`Search`]). After a *round* of all of them the session waits for
-//! [`BETWEEN_ROUNDS`]. While events come, no rate is tried: silence of [`Session::SILENCE`] begins a
-//! new round. A receiver that was quiet for more than [`RESTART`], or sends NMEA again, may have restarted or be
-//! another one: it is asked what it is, and all settings are sent again.
+//! is found, and the settings follow (`steps`), each until it is answered or has been sent
+//! [`Session::TRIES`] times. Whether TIM-TP is wanted is the last of them, and is sent again when it
+//! changes. It comes on request only, since a burst should begin with NAV-PVT. What comes and is not used
+//! is switched off as it comes ([`Session::handle_unwanted`]). What the receiver refuses
+//! [`Session::TRIES`] times is reported ([`Session::poll_refusal`]) and not asked again before it is found
+//! anew. If no event comes, the next attempt takes the next rate. A *round* of all of them takes 3.8 s, and
+//! the next begins 1 s later. While events come, no rate is tried: silence of [`Session::SILENCE`]
+//! begins a new round. A receiver that was quiet for more than 1.5 s, or sends NMEA again, may have
+//! restarted or be another one: it is asked what it is, and all settings are sent again.
 //!
 //! *The rate is saved* once in a receiver that was found at another rate: with the protocols
 //! that its port had, so that who uses it next finds them. An M8 whose CFG-PRT was not answered is
 //! not saved: nobody knows its protocols.
 //!
 //! *Whose pulse.* A width is the receiver's as soon as it has acknowledged the pulse's setting, and until
-//! it is lost ([`Session::pulse_width_us`]). CFG-TP5's acknowledgement has a name of its own and counts however
-//! late it comes. All CFG-VALSET have one name: so the pulse's is the first behind a MON-VER, whose answer
-//! is behind all answers to what was sent before it, and only what comes while the session waits for
-//! it counts. If none did, all is sent again [`PAUSE`] later.
+//! it is lost ([`Session::pulse_width_us`]). CFG-TP5's acknowledgement has a name of its own and counts
+//! however late it comes. All CFG-VALSET have one name: so the pulse's is the first behind a MON-VER, whose
+//! answer is behind all answers to what was sent before it, and only what comes while the session
+//! waits for it counts. If none did, all is sent again 10 s later.
 //!
 //! *Limits.* A receiver that sends at our rate but does not receive us is left as it is.
 
 mod finding;
 mod leap_poll;
+mod received;
 mod search;
+mod steps;
 
 use timebase::{Cycles, StampedByte};
 
-use crate::answers::{Answer, Answers, Protocols};
+use crate::answers::{Answers, Protocols};
 use crate::config::{
     BAUD, Buffer, LONGEST, POLL_LEAP_SECONDS, POLL_PORT, PULSE_WIDTH_US, Setting, UBX_ALONE,
     write_greeting,
 };
 use crate::event::Event;
-use crate::identity::Generation;
-use crate::unwanted::{PAUSE, Table, Unwanted};
+use crate::unwanted::{Table, Unwanted};
 pub use finding::Finding;
 use finding::Findings;
 use leap_poll::LeapPoll;
 use search::Search;
-
-/// What is sent once the receiver is found, in this order, and to which generation; then
-/// [`Setting::Forecasts`]. An M8 is saved before UBX is alone, because what is saved is what it has
-/// then; later ones at the end, behind the pulse.
-const STEPS: [(Setting, Option<Generation>); 10] = [
-    (Setting::Version, None),
-    (Setting::Save, Some(Generation::Messages)),
-    (Setting::Port, Some(Generation::Messages)),
-    (Setting::Pulse, None),
-    (Setting::Port, Some(Generation::Keys)),
-    (Setting::Corrections, Some(Generation::Keys)),
-    (Setting::Rate, None),
-    (Setting::Message, None),
-    (Setting::Navigation, None),
-    (Setting::Save, Some(Generation::Keys)),
-];
+use steps::STEPS;
 
 /// How long an answer is waited for, in cycles: 400 ms. PX4 waits 250 ms (`PX4-GPSDrivers`,
 /// `ubx.h`); at the factory's one epoch a second some receivers take longer.
@@ -78,17 +63,9 @@ const ANSWER: u64 = millis(400);
 /// The same of CFG-PRT, from which only the protocols are learnt: 100 ms.
 const PORT_ANSWER: u64 = millis(100);
 
-/// The same if the receiver sends at this rate, in cycles: 1.2 s. At 9600 the sentences of a factory's
-/// receiver fill half of each second.
-const PORT_ANSWER_BEHIND: u64 = millis(1_200);
-
 /// From the end of CFG-PRT to the first frame at our rate, in cycles: 100 ms. The receiver changes
 /// its rate after it has processed the frame.
 const SETTLE: u64 = millis(100);
-
-/// From a round without success to the next, in cycles: 1 s. A round takes 3.8 s, so that one that begins
-/// to speak behind its attempt is found within 9 s.
-const BETWEEN_ROUNDS: u64 = millis(1_000);
 
 /// A receiver that was quiet for longer than this may have restarted, in cycles: 1.5 s. One that has
 /// refused our rate sends a solution a second.
@@ -477,35 +454,6 @@ impl Session {
         }
     }
 
-    fn handle_answer(&mut self, now: Cycles, answer: Answer) {
-        self.last_event = Some(now);
-        match (answer, self.state) {
-            (Answer::Port(protocols), State::AwaitingPort { .. }) => {
-                self.protocols = Some(protocols);
-                self.handle_found();
-            }
-            (Answer::Version(identity), _) => {
-                let before = self.findings.generation();
-                if self.findings.handle_version(identity) {
-                    self.is_saved = false;
-                    self.pulse = Acknowledged::NotYet;
-                }
-                self.answers.handle_wanted(false);
-                let after = self.findings.generation();
-                match self.state {
-                    State::Waiting { .. } if self.step == 0 => {
-                        self.is_in_step = true;
-                        self.next_step();
-                    }
-                    // It answers late, and is configured as another one.
-                    State::Listening { .. } if before != after => self.begin_settings(),
-                    _ => {}
-                }
-            }
-            _ => {}
-        }
-    }
-
     /// The receiver has sent this: to be called for every [`Event`].
     #[inline(never)]
     pub fn handle_event(&mut self, now: Cycles, event: &Event) {
@@ -534,223 +482,6 @@ impl Session {
         }
     }
 
-    /// The receiver sends at the rate at which its port is asked.
-    fn handle_speaking(&mut self) {
-        if self.search.is_at_own() {
-            if matches!(self.state, State::AwaitingPort { .. }) && self.last_event.is_some() {
-                self.begin_settings();
-            }
-        } else if let State::AwaitingPort {
-            until,
-            may_wait: true,
-        } = self.state
-        {
-            self.state = State::AwaitingPort {
-                until: until.plus(PORT_ANSWER_BEHIND - PORT_ANSWER),
-                may_wait: false,
-            };
-        }
-    }
-
-    /// The receiver has answered at the rate of the attempt.
-    fn handle_found(&mut self) {
-        if self.search.is_at_own() {
-            self.has_changed_rate = false;
-            self.begin_settings();
-        } else {
-            self.state = State::SendPort;
-        }
-    }
-
-    fn handle_ack(&mut self, message: (u8, u8)) {
-        if message == VALSET {
-            self.findings.handle_keys_taken();
-        }
-        if message == Setting::Pulse.message(Generation::Messages) {
-            self.pulse = Acknowledged::Yes;
-        }
-        if self.awaits(message) {
-            count(&mut self.counters.accepted);
-            if self.setting() == Some(Setting::Pulse) && self.is_in_step {
-                self.pulse = Acknowledged::Yes;
-            }
-            self.next_step();
-        }
-    }
-
-    fn handle_nak(&mut self, message: (u8, u8)) {
-        if message == Setting::Pulse.message(Generation::Messages) {
-            self.pulse = Acknowledged::NotYet;
-        }
-        if matches!(self.state, State::AwaitingPort { .. }) && message == CFG_PRT {
-            // It does not know the question.
-            self.handle_found();
-        } else if self.awaits(message) {
-            if self.setting().is_some_and(Setting::is_optional) {
-                self.next_step();
-                return;
-            }
-            count(&mut self.counters.refused);
-            self.handle_refused();
-        }
-    }
-
-    /// Whether an answer about `message` is waited for.
-    fn awaits(&self, message: (u8, u8)) -> bool {
-        let generation = self.findings.generation();
-        matches!(self.state, State::Waiting { .. })
-            && generation.is_some_and(|generation| {
-                let awaited = self.setting().map(|setting| setting.message(generation));
-                awaited == Some(message)
-            })
-    }
-
-    /// The present setting; `None` behind the last.
-    fn setting(&self) -> Option<Setting> {
-        const FORECASTS: usize = STEPS.len();
-        const OFF: usize = FORECASTS + 1;
-        match self.step {
-            FORECASTS => Some(Setting::Forecasts {
-                on: self.wants_forecasts,
-            }),
-            OFF => self.off,
-            step => STEPS.get(step).map(|(setting, _)| *setting),
-        }
-    }
-
-    /// Whether the present step is for this receiver.
-    fn is_for_this(&self) -> bool {
-        let Some((setting, only)) = STEPS.get(self.step) else {
-            return true;
-        };
-        // What an M8 saves is its port: as it was found, or not at all.
-        let may_save = self.protocols.is_some() || *only == Some(Generation::Keys);
-        only.is_none_or(|only| self.findings.generation() == Some(only))
-            && (*setting != Setting::Save || self.has_changed_rate && !self.is_saved && may_save)
-    }
-
-    /// Writes `setting` to the buffer, and notes that it leaves: the frame's length. `None` if there are no
-    /// words for it, so that it counts as refused.
-    fn write(&mut self, setting: Setting) -> Option<usize> {
-        let generation = self.findings.generation().unwrap_or(Generation::Messages);
-        let length = setting.write(generation, self.search.own_baud(), &mut self.buffer);
-        self.tries = self.tries.wrapping_add(1);
-        match setting {
-            _ if length == 0 => {
-                self.tries = Self::TRIES;
-                self.handle_refused();
-                return None;
-            }
-            Setting::Forecasts { on } => self.sent_forecasts = on,
-            Setting::Version => self.answers.handle_wanted(true),
-            Setting::Save => self.is_saved = true,
-            _ => {}
-        }
-        Some(length)
-    }
-
-    /// The present setting was refused once more.
-    fn handle_refused(&mut self) {
-        if self.tries < Self::TRIES {
-            self.state = State::SendSetting;
-            return;
-        }
-        self.refusal = self.setting();
-        if self.refusal == Some(Setting::Pulse) {
-            self.pulse = Acknowledged::Refused;
-        }
-        if let Some(off) = self.off {
-            self.unwanted.handle_refused(off);
-        }
-        self.next_step();
-    }
-
-    /// All settings are through.
-    fn finish(&mut self, now: Cycles) {
-        if self.findings.now == Finding::Searching || self.findings.now == Finding::Silent {
-            self.findings.now = Finding::Unnamed;
-        }
-        self.again_from = now.plus(PAUSE);
-        self.state = self.listening(now);
-    }
-
-    fn listening(&self, now: Cycles) -> State {
-        State::Listening {
-            until: self.last_event.unwrap_or(now).plus(Self::SILENCE),
-        }
-    }
-
-    /// A receiver with keys has neither acknowledged nor refused the pulse.
-    fn has_to_begin_again(&self) -> bool {
-        self.pulse == Acknowledged::NotYet && self.findings.generation() == Some(Generation::Keys)
-    }
-
-    /// What has come and is not used is asked to be off.
-    fn switch_off(&mut self, off: Setting) {
-        if off == Setting::Port {
-            // Sentences of a port that has UBX alone: it has restarted.
-            self.begin_settings();
-        } else {
-            self.off = Some(off);
-            self.begin_step(STEPS.len() + 1);
-        }
-    }
-
-    /// The wait for an answer is over.
-    #[cold]
-    fn no_answer(&mut self, now: Cycles) {
-        if self.last_event.is_some() {
-            count(&mut self.counters.unanswered);
-            if self.tries < Self::TRIES {
-                self.state = State::SendSetting;
-            } else {
-                self.next_step();
-            }
-        } else if self.search.begin_attempt() {
-            self.state = State::SetOtherRate;
-        } else {
-            self.findings.now = Finding::Silent;
-            let until = now.plus(BETWEEN_ROUNDS);
-            self.state = State::Listening { until };
-        }
-    }
-
-    #[cold]
-    fn begin_round(&mut self, now: Cycles) {
-        count(&mut self.counters.rounds);
-        self.unwanted = Table::new();
-        self.pulse = Acknowledged::NotYet;
-        self.has_changed_rate = false;
-        self.findings.handle_lost();
-        self.leap_seconds.handle_lost(now);
-        self.search.begin_round(self.last_event.take().is_some());
-        self.state = State::SetOtherRate;
-    }
-
-    const fn begin_settings(&mut self) {
-        self.is_in_step = false;
-        self.may_have_restarted = false;
-        self.begin_step(0);
-    }
-
-    const fn begin_step(&mut self, step: usize) {
-        (self.step, self.tries) = (step, 0);
-        self.state = State::SendSetting;
-    }
-
-    fn next_step(&mut self) {
-        self.off = None;
-        if self.step == 0 && self.findings.generation().is_none() {
-            // It is left alone until it is gone.
-            self.begin_step(usize::MAX);
-            return;
-        }
-        self.begin_step(self.step.wrapping_add(1));
-        while !self.is_for_this() {
-            self.step = self.step.wrapping_add(1);
-        }
-    }
-
     fn set_baud(&mut self, baud: u32) -> Option<Action<'static>> {
         let other = self.baud != baud;
         self.baud = baud;
@@ -761,10 +492,6 @@ impl Session {
         Action::Transmit(self.buffer.get(..length).unwrap_or_default())
     }
 }
-
-/// Class and id of CFG-VALSET and CFG-PRT.
-const VALSET: (u8, u8) = (0x06, 0x8a);
-const CFG_PRT: (u8, u8) = (0x06, 0x00);
 
 const fn count(counter: &mut u32) {
     *counter = counter.wrapping_add(1);

@@ -7,6 +7,7 @@
 use std::fmt::Write as _;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
+use std::process::Command;
 use std::{env, fs};
 
 use variant::{Load, Variant};
@@ -16,6 +17,9 @@ const PINGS: [&str; 2] = ["rtos", "echo"];
 
 /// Rates of the MAVLink line, the default first; 57 600 is what SiK radios have out of their box.
 const MAVLINK_BAUDS: [u32; 2] = [115_200, 57_600];
+
+/// Lines that can speak STANAG 4586 instead of MAVLink, the default first: none.
+const STANAG_LINES: [&str; 2] = ["none", "telem2"];
 
 /// Settings that have another name now, and that name.
 const RENAMED: [(&str, &str); 1] = [("PIXCLOCK_WAY", "PIXCLOCK_VARIANT")];
@@ -75,6 +79,16 @@ fn settings() -> String {
         "The rate of the MAVLink line (`PIXCLOCK_MAVLINK_BAUD`). [Bd]",
         &format!("MAVLINK_BAUD: u32 = {mavlink_baud}"),
     );
+    let [none, _] = STANAG_LINES;
+    println!("cargo:rustc-check-cfg=cfg(stanag)");
+    if choice("PIXCLOCK_STANAG", none, STANAG_LINES, "") != none {
+        println!("cargo:rustc-cfg=stanag");
+        constant(
+            &mut settings,
+            "The first 32 bits of the commit's hash; 0 outside of a repository.",
+            &format!("GIT_HASH: u32 = {}", git_hash()),
+        );
+    }
     let [ping, _] = PINGS;
     let echo = choice("PIXCLOCK_PING", ping, PINGS, "") == "echo";
     constant(
@@ -127,6 +141,17 @@ fn refuse_old_names() {
         println!("cargo:rerun-if-env-changed={old}");
         assert!(env::var_os(old).is_none(), "{old} has the name {new} now");
     }
+}
+
+/// The first 32 bits of the commit that is built.
+fn git_hash() -> u32 {
+    println!("cargo:rerun-if-changed=../.git/logs/HEAD");
+    let git = Command::new("git")
+        .args(["rev-parse", "--short=8", "HEAD"])
+        .output();
+    let hash = git.ok().and_then(|it| String::from_utf8(it.stdout).ok());
+    hash.and_then(|it| u32::from_str_radix(it.trim().get(..8)?, 16).ok())
+        .unwrap_or(0)
 }
 
 /// One memory map for both boards; the Pixhawk's image stands behind its bootloader.

@@ -4,8 +4,11 @@
 //! |---|---|---|---|
 //! | [`GNSS`] | the GNSS task, each second | the status line and the MAVLink task, each second | the new report replaces the old |
 //! | [`MAVLINK`] | the MAVLink task, each second | the status line | the same |
+//! | `STANAG`, if a line speaks that | the MAVLink task, each second | the status line | the same |
 //! | [`CARD`] | thread level, after each use of the card | the status line | the same |
 
+#[cfg(stanag)]
+use timebase::{CivilTime, Validity};
 use timebase::{Cycles, Fix};
 use ubx_link::{Finding, LinkCounters, SessionCounters};
 use utc_clock::{Counters, Ppb, SecondProof, Source};
@@ -19,14 +22,28 @@ use crate::not_saved::NotSaved;
 /// The last report of the GNSS task.
 pub static GNSS: Latest<GnssReport> = Latest::new();
 
-/// MAVLink's links: TELEM1 and TELEM2.
-pub const LINKS: usize = 2;
+/// MAVLink's links: TELEM1, and TELEM2 unless it speaks STANAG 4586.
+pub const LINKS: usize = if cfg!(stanag) { 1 } else { 2 };
 
 /// The last report of the MAVLink task, by link.
 pub static MAVLINK: Latest<[LinkReport; LINKS]> = Latest::new();
 
+/// What came over the line that speaks STANAG 4586.
+#[cfg(stanag)]
+pub static STANAG: Latest<StanagReport> = Latest::new();
+
 /// What has gone wrong with the card, as of its last use.
 pub static CARD: Latest<CardReport> = Latest::new();
+
+/// What came over the line that speaks STANAG 4586.
+#[cfg(stanag)]
+#[derive(Clone, Copy)]
+pub struct StanagReport {
+    /// Frames and requests.
+    pub node: stanag_node::Counters,
+    /// Errors of the line itself.
+    pub line: LineErrors,
+}
 
 /// What thread level knows of the card.
 #[derive(Clone, Copy)]
@@ -67,6 +84,9 @@ pub struct ReceiverReport {
     pub line: LineErrors,
     /// The last solution, and when it arrived.
     pub fix: Option<(Cycles, Fix)>,
+    /// Its epoch, and what the receiver claims about that.
+    #[cfg(stanag)]
+    pub epoch: Option<(CivilTime, Validity)>,
 }
 
 /// What the MAVLink task has counted on one link.

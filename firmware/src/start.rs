@@ -50,7 +50,16 @@ fn main() -> ! {
     let of_mavlink = high;
     #[cfg(loaded)]
     let of_mavlink = executors::start_mavlink();
-    spawn(&of_mavlink, mavlink::run([lines.telem1, lines.telem2]));
+    #[cfg(not(stanag))]
+    let links = mavlink::Lines {
+        mavlink: [lines.telem1, lines.telem2],
+    };
+    #[cfg(stanag)]
+    let links = mavlink::Lines {
+        mavlink: [lines.telem1],
+        stanag: lines.telem2,
+    };
+    spawn(&of_mavlink, mavlink::run(links));
     let low = executors::start_low();
     spawn(&low, led::run(led));
     spawn(&low, status::run());

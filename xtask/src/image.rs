@@ -43,6 +43,8 @@ pub struct Build {
     pub image: Image,
     /// Measures itself instead of keeping time.
     pub bench: bool,
+    /// TELEM2 speaks STANAG 4586.
+    pub stanag: bool,
 }
 
 impl Build {
@@ -52,6 +54,7 @@ impl Build {
             board,
             image: Image::STANDARD,
             bench: false,
+            stanag: false,
         }
     }
 }
@@ -76,6 +79,9 @@ impl fmt::Display for Build {
         }
         if self.bench {
             write!(f, "-bench")?;
+        }
+        if self.stanag {
+            write!(f, "-stanag")?;
         }
         Ok(())
     }
@@ -138,7 +144,11 @@ pub fn build(build: Build) -> Result<PathBuf> {
         .args(["--features", &features])
         .env("PIXCLOCK_VARIANT", variant.name())
         .env("PIXCLOCK_TICK_US", variant.tick_us().to_string())
-        .env("PIXCLOCK_GPS_BAUD", gps_baud.to_string()))?;
+        .env("PIXCLOCK_GPS_BAUD", gps_baud.to_string())
+        .env(
+            "PIXCLOCK_STANAG",
+            if build.stanag { "telem2" } else { "none" },
+        ))?;
     let target = target_dir()?;
     let built = target.join(TARGET).join("release").join("firmware");
     let image = folder.join(format!("{build}.elf"));

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use object::{Object, ObjectSection, SectionFlags, SectionKind};
+use object::{Object, ObjectSection, ObjectSymbol, SectionFlags, SectionKind};
 
 use crate::image::{self, Board, Build};
 
@@ -12,6 +12,13 @@ use crate::image::{self, Board, Build};
 /// for any card's file system.
 const FLASH_LIMIT: u64 = 129 * 1024;
 const RAM_LIMIT: u64 = 44 * 1024;
+
+/// What STANAG 4586 on a line may take more, in bytes.
+const STANAG_LIMIT: u64 = 8 * 1024;
+/// The limit is not kept yet: more than this fails, so that it gets no worse.
+const STANAG_FOR_NOW: u64 = 9 * 1024 + 512;
+/// Without it no symbol may have this in its name.
+const STANAG_SYMBOL: &str = "stanag";
 
 /// `RAM` of `memory.x`.
 const COMMON_RAM: Range<u64> = 0x2000_0000..0x2002_0000;
@@ -34,21 +41,48 @@ pub struct Size {
 ///
 /// When it cannot be built or is too large.
 pub fn check(json: bool) -> Result<()> {
-    let size = measure(&image::build(Build::standard(Board::Pixhawk1))?)?;
+    let standard = Build::standard(Board::Pixhawk1);
+    let image = image::build(standard)?;
+    let size = measure(&image)?;
+    ensure_without_stanag(&image)?;
+    let stanag = measure(&image::build(Build {
+        stanag: true,
+        ..standard
+    })?)?;
+    let stanag_more = stanag.flash.saturating_sub(size.flash);
     if json {
         let value = serde_json::json!({
             "flash_bytes": size.flash, "flash_limit_bytes": FLASH_LIMIT,
             "ram_bytes": size.ram, "ram_limit_bytes": RAM_LIMIT,
             "elsewhere_bytes": size.elsewhere,
+            "stanag_bytes_more": stanag_more, "stanag_limit_bytes": STANAG_LIMIT,
         });
         println!("{value}");
     } else {
         println!("flash      {:>6} of {FLASH_LIMIT} bytes", size.flash);
         println!("static RAM {:>6} of {RAM_LIMIT} bytes", size.ram);
         println!("samples    {:>6} bytes in CCM and SRAM3", size.elsewhere);
+        let mark = if stanag_more > STANAG_LIMIT { " !" } else { "" };
+        println!(
+            "STANAG     {stanag_more:>6} of {STANAG_LIMIT} bytes of flash more{mark}; none without"
+        );
     }
     if size.flash > FLASH_LIMIT || size.ram > RAM_LIMIT {
         bail!("the image is larger than it may be");
+    }
+    if stanag_more > STANAG_FOR_NOW {
+        bail!("the image with STANAG 4586 on a line is larger than it may be");
+    }
+    Ok(())
+}
+
+/// Nothing of what the setting brings may be in an image without it.
+fn ensure_without_stanag(path: &Path) -> Result<()> {
+    let bytes = std::fs::read(path)?;
+    let elf = object::File::parse(&*bytes)?;
+    let mut names = elf.symbols().filter_map(|symbol| symbol.name().ok());
+    if let Some(name) = names.find(|name| name.contains(STANAG_SYMBOL)) {
+        bail!("{name} is in an image whose lines speak MAVLink alone");
     }
     Ok(())
 }

@@ -7,4 +7,6 @@ pub mod mavlink;
 pub mod paper;
 pub mod ready;
 mod receiver;
+#[cfg(stanag)]
+pub mod stanag;
 pub mod status;

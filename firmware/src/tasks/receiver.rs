@@ -28,6 +28,8 @@ pub struct Receiver {
     configuration: Configuration,
     /// The last solution, and when it arrived.
     fix: Option<(Cycles, Fix)>,
+    #[cfg(stanag)]
+    epoch: Option<(timebase::CivilTime, timebase::Validity)>,
 }
 
 impl Receiver {
@@ -39,6 +41,8 @@ impl Receiver {
             link: Link::at(settings::GPS_BAUD),
             configuration: Configuration::new(),
             fix: None,
+            #[cfg(stanag)]
+            epoch: None,
         }
     }
 
@@ -79,6 +83,10 @@ impl Receiver {
         self.configuration.handle_event(now, &mut event);
         if let Event::NavPvt { mark, fix } = &event {
             self.fix = Some((mark.arrival, *fix));
+            #[cfg(stanag)]
+            {
+                self.epoch = Some((mark.epoch, mark.validity));
+            }
         }
         Some(event)
     }
@@ -136,6 +144,8 @@ impl Receiver {
             finding: self.configuration.finding(),
             line: self.reader.errors(),
             fix: self.fix,
+            #[cfg(stanag)]
+            epoch: self.epoch,
         }
     }
 }

@@ -386,7 +386,39 @@ impl Part for Mavlink {
                 "outgoing_full": outgoing_full,
             });
         }
+        #[cfg(stanag)]
+        stanag(f);
     }
+}
+
+/// What came over the line that speaks STANAG 4586.
+#[cfg(stanag)]
+fn stanag(f: Formatter) {
+    let Some(report) = crate::reports::STANAG.get() else {
+        return;
+    };
+    nonzero!(f, report.node, {
+        "sta_requests": requests,
+        "sta_malformed": malformed,
+        "sta_no_key": no_key,
+        "sta_loi": loi,
+        "sta_unknown": unknown,
+        "sta_from_our_id": from_our_id,
+    });
+    nonzero!(f, report.node.framing, {
+        "sta_foreign_bytes": foreign_bytes,
+        "sta_sum_failures": sum_failures,
+        "sta_length_failures": length_failures,
+        "sta_without_sum": without_sum,
+        "sta_abandoned": abandoned,
+    });
+    nonzero!(f, report.line, {
+        "sta_overrun": overrun,
+        "sta_framing": framing,
+        "sta_noise": noise,
+        "sta_incoming_full": incoming_full,
+        "sta_outgoing_full": outgoing_full,
+    });
 }
 
 /// What went wrong with the card.

@@ -57,6 +57,7 @@ impl Parameter {
 
     /// The parameter of that name.
     #[must_use]
+    #[inline(never)]
     pub fn named(name: Name) -> Option<Self> {
         Self::ALL
             .into_iter()

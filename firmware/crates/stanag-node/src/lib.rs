@@ -1,8 +1,8 @@
 //! What a clock answers to stations that speak STANAG 4586.
 //!
 //! *Purpose.* [`Node::push`] turns the bytes of a serial line into [`Request`]s, [`Node::handle`] those of a
-//! datagram; [`Node::answers`] turns a request, the clock at its arrival and the clock now into the frames
-//! to send. [`message`] has the numbers and fields, for both ends.
+//! datagram; [`Node::answer`] makes the frames to send of a request, the clock at its arrival and the clock
+//! now. [`message`] has the numbers and fields, for both ends.
 //!
 //! *Design.* In two steps, because between them the caller reads the clock at the arrival. A datagram
 //! that does not divide into whole frames is refused whole. Nothing that arrives here changes anything
@@ -16,7 +16,7 @@
 //! - What asks for a change (#17001, #52003, #52005) is answered with what holds.
 //! - Any message to us alone with bit 15 is answered with #17000 too.
 //! - What is refused is counted by kind, and said in words to who sent it: #16000, at most one of a kind
-//!   each time that [`Node::poll_alert`] is asked.
+//!   a second ([`Node::handle_second`]).
 //!
 //! Answers, reports and heartbeats are never answered, so two nodes make no loop. A frame from our own
 //! id is somebody else with it.
@@ -39,7 +39,6 @@ mod node;
 mod position;
 mod request;
 
-pub use answer::Answer;
 pub use clock::{Reading, State};
 pub use complaint::Complaint;
 pub use node::{Config, Counters, Node};

@@ -120,6 +120,16 @@ pub const PARAMETER_VALUE_LAYOUT: Layout = Layout {
     sizes: &[5, 2, 2, 17, 1, 4],
 };
 /// The kind of a value that is a Float.
-pub const KIND_FLOAT: u64 = 2;
+pub const KIND_FLOAT: u32 = 2;
 /// The numbers that our own messages have: 52000 to 52015.
 pub const OURS: core::ops::RangeInclusive<u16> = 52_000..=52_015;
+/// Answers and reports: an answer to one of them could be answered again.
+pub const ANSWERS: [u16; 7] = [
+    AUTHORISATION_RESPONSE,
+    VEHICLE_ID,
+    INERTIAL_STATES,
+    ALERT,
+    ACKNOWLEDGEMENT,
+    CLOCK_REPORT,
+    SOFTWARE_VERSION,
+];

@@ -1,7 +1,7 @@
 //! The node: which frames ask for something, and how they are answered.
 
 use node_values::{Parameters, Severity};
-use stanag_wire::{Builder, Frame, Framer, FramerCounters, Header, NodeId, Refusal, TimeStamp};
+use stanag_wire::{Builder, Frame, Framer, FramerCounters, Header, NodeId, Refusal};
 use timebase::{CORE_HZ, Cycles, Fix, StampedByte};
 
 use crate::answer::{self, Answer};
@@ -65,6 +65,7 @@ pub struct Node {
     alerts: u32,
     /// The last #4000.
     position: Option<Builder>,
+    is_position_due: bool,
 }
 
 impl Node {
@@ -82,6 +83,7 @@ impl Node {
             without_sum: 0,
             alerts: 0,
             position: None,
+            is_position_due: false,
         }
     }
 
@@ -96,7 +98,7 @@ impl Node {
 
     /// Takes a byte of a serial line, stamped at most 24 s before `now` or up to 1 s after it. A request
     /// is to be answered with [`Self::answers`].
-    #[inline]
+    #[inline(never)]
     pub fn push(&mut self, byte: StampedByte, now: Cycles) -> Option<Request> {
         match self.framer.push(byte) {
             0 => None,
@@ -122,6 +124,7 @@ impl Node {
 
     /// Gives up a frame that has begun, if the line has been silent for [`Self::IDLE`]; otherwise
     /// does nothing. The call may be up to 20 s late: after that the stamps are ambiguous.
+    #[inline(never)]
     pub fn handle_timeout(&mut self, now: Cycles) {
         if self.poll_timeout(now).is_some_and(|due| now >= due) {
             self.framer.give_up();
@@ -209,14 +212,15 @@ impl Node {
         self.complaints.push(to, what);
     }
 
-    /// The frames that answer `request`: the clock `at_arrival` of its first byte, and `now`.
-    pub fn answers<'a>(
-        &'a self,
-        request: &'a Request,
-        at_arrival: Reading,
-        now: Reading,
-        parameters: &'a impl Parameters,
-    ) -> impl Iterator<Item = Answer> {
+    /// Hands the frames that answer `request` to `send`: the clock `at_arrival` of its first byte, and `now`.
+    #[inline(never)]
+    pub fn answer(
+        &self,
+        request: &Request,
+        (at_arrival, now): (&Reading, &Reading),
+        parameters: &dyn Parameters,
+        send: &mut dyn FnMut(&[u8]),
+    ) {
         let acknowledgement = request.wants_acknowledgement.then_some(m::ACKNOWLEDGEMENT);
         let [first, second] = match request.wanted {
             Asked::Nothing => [None, None],
@@ -228,95 +232,116 @@ impl Node {
             Asked::Interval(_) => [Some(m::MESSAGE_INTERVAL), None],
             Asked::Parameter(_) => [Some(m::PARAMETER_VALUE), None],
         };
-        let messages = [acknowledgement, first, second].into_iter().flatten();
-        messages.filter_map(move |message| {
-            let data = self.data(message, request, at_arrival, now, parameters)?;
+        for message in [acknowledgement, first, second].into_iter().flatten() {
+            let Some(data) = self.data(message, request, (at_arrival, now), parameters) else {
+                continue;
+            };
             let ends = (self.config.id, request.from);
-            Answer::new(ends, request.idd, message, &data)
-        })
+            if let Some(answer) = Answer::new(ends, request.idd, message, &data) {
+                send(answer.bytes());
+            }
+        }
     }
 
     fn data(
         &self,
         message: u16,
         request: &Request,
-        at_arrival: Reading,
-        now: Reading,
-        parameters: &impl Parameters,
+        (at_arrival, now): (&Reading, &Reading),
+        parameters: &dyn Parameters,
     ) -> Option<Builder> {
-        Some(match (message, request.wanted) {
-            (m::ACKNOWLEDGEMENT, _) => answer::acknowledgement(request, at_arrival),
-            (m::AUTHORISATION_RESPONSE, _) => answer::authorisation(at_arrival),
-            (m::VEHICLE_ID, _) => answer::vehicle(&self.config, at_arrival),
-            (m::HEARTBEAT, _) => answer::stamped(&m::HEARTBEAT_LAYOUT, at_arrival),
-            (m::SOFTWARE_VERSION, _) => answer::version(&self.config, at_arrival),
-            (m::INERTIAL_STATES, _) => self.position.clone()?,
+        if message == m::INERTIAL_STATES {
+            return self.position.clone();
+        }
+        let mut data = answer::stamped(answer::layout(message)?, at_arrival.time.utc_ns);
+        match (message, request.wanted) {
+            (m::ACKNOWLEDGEMENT, _) => answer::acknowledgement(&mut data, request),
+            (m::AUTHORISATION_RESPONSE, _) => answer::authorisation(&mut data),
+            (m::VEHICLE_ID, _) => answer::vehicle(&mut data, &self.config),
+            (m::HEARTBEAT, _) => {}
+            (m::SOFTWARE_VERSION, _) => answer::version(&mut data, &self.config),
             (
                 m::CLOCK_REPORT,
                 Asked::Clock {
                     fraction_ns,
                     sequence,
                 },
-            ) => answer::report(request, (sequence, fraction_ns), at_arrival, now),
-            (m::MESSAGE_INTERVAL, Asked::Interval(of)) => answer::interval(of, at_arrival),
+            ) => data = answer::report(request, (sequence, fraction_ns), at_arrival, now),
+            (m::MESSAGE_INTERVAL, Asked::Interval(of)) => answer::interval(&mut data, of),
             (m::PARAMETER_VALUE, Asked::Parameter(it)) => {
-                answer::parameter(it, parameters.parameter(it), at_arrival)
+                answer::parameter(&mut data, it, parameters.parameter(it));
             }
             _ => return None,
-        })
-    }
-
-    /// A heartbeat to all, once a second.
-    #[must_use]
-    pub fn heartbeat(&self, now: Reading) -> Option<Answer> {
-        self.to_all(m::HEARTBEAT, &answer::stamped(&m::HEARTBEAT_LAYOUT, now))
-    }
-
-    /// #4000 to all: where we are at an epoch of the receiver, whose UTC is `epoch_ns` once it is known.
-    /// \[ns\]
-    pub fn position(&mut self, epoch_ns: Option<i64>, fix: &Fix) -> Option<Answer> {
-        let mut data = Builder::new(&m::INERTIAL_STATES_LAYOUT);
-        if let Some(epoch_ns) = epoch_ns {
-            data.unsigned(0, TimeStamp::from_unix_ns(epoch_ns).ms);
         }
+        Some(data)
+    }
+
+    /// #4000: where we are at an epoch of the receiver, whose UTC is `epoch_ns` once it is known. \[ns\]
+    #[inline(never)]
+    pub fn handle_position(&mut self, epoch_ns: Option<i64>, fix: &Fix) {
+        let mut data = answer::stamped(&m::INERTIAL_STATES_LAYOUT, epoch_ns);
         position::write(fix, &mut data);
-        let answer = self.to_all(m::INERTIAL_STATES, &data);
         self.position = Some(data);
-        answer
+        self.is_position_due = true;
     }
 
-    /// #16000 to all: something happened to the clock.
-    pub fn alert(&mut self, now: Reading, severity: Severity, text: &str) -> Option<Answer> {
-        self.alert_to(NodeId::BROADCAST, now, (answer::NAVIGATION, severity), text)
-    }
-
-    /// #16000 to who sent something that was refused, one at a time. To be called once a second, until it
-    /// has none.
-    pub fn poll_alert(&mut self, now: Reading) -> Option<Answer> {
+    /// Hands to `send` what is sent to all once a second: a heartbeat, a position that was not sent yet, and
+    /// #16000 to each who sent something that was refused.
+    #[inline(never)]
+    pub fn handle_second(&mut self, now: &Reading, send: &mut dyn FnMut(&[u8])) {
+        self.to_all(
+            m::HEARTBEAT,
+            &answer::stamped(&m::HEARTBEAT_LAYOUT, now.time.utc_ns),
+            send,
+        );
+        if core::mem::take(&mut self.is_position_due)
+            && let Some(data) = &self.position
+        {
+            self.to_all(m::INERTIAL_STATES, data, send);
+        }
         let without_sum = self.framer.counters().without_sum;
         if without_sum != self.without_sum {
             self.without_sum = without_sum;
             self.complain(NodeId::BROADCAST, Complaint::NoSum);
         }
-        let (to, what) = self.complaints.poll()?;
-        let said = (answer::VSM, Severity::Warning);
-        self.alert_to(to, now, said, what.words())
+        while let Some((to, what)) = self.complaints.poll() {
+            let said = (answer::VSM, Severity::Warning);
+            self.alert_to(to, now, (said, what.words()), send);
+        }
     }
 
+    /// Hands #16000 to `send`, to all: something happened to the clock.
+    pub fn alert(
+        &mut self,
+        now: &Reading,
+        (severity, text): (Severity, &str),
+        send: &mut dyn FnMut(&[u8]),
+    ) {
+        let said = (answer::NAVIGATION, severity);
+        self.alert_to(NodeId::BROADCAST, now, (said, text), send);
+    }
+
+    #[inline(never)]
     fn alert_to(
         &mut self,
         to: NodeId,
-        now: Reading,
-        said: (u64, Severity),
-        text: &str,
-    ) -> Option<Answer> {
+        now: &Reading,
+        (said, text): ((u32, Severity), &str),
+        send: &mut dyn FnMut(&[u8]),
+    ) {
         self.alerts = self.alerts.wrapping_add(1) & i32::MAX.cast_unsigned();
-        let data = answer::alert(now, said, self.alerts, text);
-        Answer::new((self.config.id, to), Header::EDITION_3, m::ALERT, &data)
+        let mut data = answer::stamped(&m::ALERT_LAYOUT, now.time.utc_ns);
+        answer::alert(&mut data, said, self.alerts, text);
+        let ends = (self.config.id, to);
+        if let Some(answer) = Answer::new(ends, Header::EDITION_3, m::ALERT, &data) {
+            send(answer.bytes());
+        }
     }
 
-    fn to_all(&self, message: u16, data: &Builder) -> Option<Answer> {
+    fn to_all(&self, message: u16, data: &Builder, send: &mut dyn FnMut(&[u8])) {
         let ends = (self.config.id, NodeId::BROADCAST);
-        Answer::new(ends, Header::EDITION_3, message, data)
+        if let Some(answer) = Answer::new(ends, Header::EDITION_3, message, data) {
+            send(answer.bytes());
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! What a frame asks for.
 
 use node_values::{Name, Parameter};
-use stanag_wire::{Frame, Layout, NodeId, Refusal, Values, Wanted};
+use stanag_wire::{Frame, Layout, NodeId, Refusal, Wanted};
 use timebase::Cycles;
 
 use crate::complaint::Complaint;
@@ -82,39 +82,35 @@ impl Request {
     ///
     /// When its data are not as long as their presence vector says.
     pub(crate) fn read(frame: &Frame<'_>, us: NodeId, arrival: Cycles) -> Result<Read, Refusal> {
-        let header = frame.header;
+        let mut request = Self::of(frame, us, arrival);
         let mut complaint = None;
-        let mut time_ms = None;
-        let mut values = |layout: &Layout| {
-            let values = layout.values(frame.data)?;
-            time_ms = values.unsigned(0);
-            Ok(values)
-        };
-        let wanted = match header.message {
-            // Reports and answers: an answer to them could be answered again.
-            m::ACKNOWLEDGEMENT
-            | m::CLOCK_REPORT
-            | m::AUTHORISATION_RESPONSE
-            | m::VEHICLE_ID
-            | m::INERTIAL_STATES
-            | m::ALERT
-            | m::SOFTWARE_VERSION => {
-                return Ok(Read {
-                    request: Self {
-                        wants_acknowledgement: false,
-                        ..Self::of(frame, us, arrival)
-                    },
-                    complaint: None,
-                });
+        let message = frame.header.message;
+        let Some(layout) = Requests::layout(message) else {
+            if m::ANSWERS.contains(&message) {
+                request.wants_acknowledgement = false;
+            } else if m::OURS.contains(&message) {
+                complaint = Some(Complaint::NotKnown);
             }
+            return Ok(Read { request, complaint });
+        };
+        let values = match layout.values(frame.data) {
+            Ok(values) => Some(values),
+            // Of other implementations the first two fields are enough.
+            Err(_) if message == m::AUTHORISATION_REQUEST => None,
+            Err(refusal) => return Err(refusal),
+        };
+        let field = |field: usize| values.and_then(|it| it.unsigned(field));
+        let number = |at: usize| field(at).and_then(|it| u16::try_from(it).ok());
+        let parameter =
+            |name_at: usize| parameter(number(1), values.and_then(|it| it.bytes(name_at)));
+        request.time_ms = field(0);
+        let interval = || number(1).map_or(Asked::Nothing, Asked::Interval);
+        request.wanted = match message {
             m::AUTHORISATION_REQUEST => {
-                // Of other implementations the first two fields are enough.
-                let whole = values(&m::AUTHORISATION_REQUEST_LAYOUT);
-                let loi = whole.ok().and_then(|it: Values<'_>| it.unsigned(5));
                 let id = authorisation_id(frame.data)?;
-                let ours = [None, Some(us), Some(NodeId::BROADCAST), Some(NodeId::NULL)];
-                if ours.contains(&id) {
-                    if loi.is_some_and(|bits| bits > LOI_2) {
+                let ours = [us, NodeId::BROADCAST, NodeId::NULL];
+                if id.is_none_or(|id| ours.contains(&id)) {
+                    if field(5).is_some_and(|bits| bits > LOI_2) {
                         complaint = Some(Complaint::Loi);
                     }
                     Asked::Identity
@@ -122,53 +118,32 @@ impl Request {
                     Asked::Nothing
                 }
             }
-            m::HEARTBEAT => {
-                values(&m::HEARTBEAT_LAYOUT)?;
-                Asked::Nothing
-            }
             m::SCHEDULE => {
                 complaint = Some(Complaint::NoKey);
-                number(&values(&m::SCHEDULE_LAYOUT)?, 1).map_or(Asked::Nothing, Asked::Interval)
+                interval()
             }
-            m::INFORMATION_REQUEST => number(&values(&m::INFORMATION_REQUEST_LAYOUT)?, 4)
-                .map_or(Asked::Nothing, Asked::Message),
-            m::CLOCK_REQUEST => {
-                let values = values(&m::CLOCK_REQUEST_LAYOUT)?;
-                Asked::Clock {
-                    fraction_ns: values.unsigned(1),
-                    sequence: values.unsigned(2),
-                }
-            }
+            m::INFORMATION_REQUEST => number(4).map_or(Asked::Nothing, Asked::Message),
+            m::CLOCK_REQUEST => Asked::Clock {
+                fraction_ns: field(1),
+                sequence: field(2),
+            },
             m::MESSAGE_INTERVAL => {
-                let values = values(&m::MESSAGE_INTERVAL_LAYOUT)?;
-                let asks = values.unsigned(2).is_none_or(|it| it == m::ASKS.into());
+                let asks = field(2).is_none_or(|it| it == m::ASKS.into());
                 complaint = (!asks).then_some(Complaint::NoKey);
-                number(&values, 1).map_or(Asked::Nothing, Asked::Interval)
+                interval()
             }
             m::PARAMETER_REQUEST => {
-                let values = values(&m::PARAMETER_REQUEST_LAYOUT)?;
-                let found = parameter(&values, 2);
+                let found = parameter(2);
                 complaint = found.is_none().then_some(Complaint::NotKnown);
                 found.map_or(Asked::Nothing, Asked::Parameter)
             }
             m::PARAMETER_VALUE => {
-                let values = values(&m::PARAMETER_VALUE_LAYOUT)?;
                 complaint = Some(Complaint::NoKey);
-                parameter(&values, 3).map_or(Asked::Nothing, Asked::Parameter)
+                parameter(3).map_or(Asked::Nothing, Asked::Parameter)
             }
-            message => {
-                complaint = m::OURS.contains(&message).then_some(Complaint::NotKnown);
-                Asked::Nothing
-            }
+            _ => Asked::Nothing,
         };
-        Ok(Read {
-            request: Self {
-                time_ms,
-                wanted,
-                ..Self::of(frame, us, arrival)
-            },
-            complaint,
-        })
+        Ok(Read { request, complaint })
     }
 
     fn of(frame: &Frame<'_>, us: NodeId, arrival: Cycles) -> Self {
@@ -189,15 +164,11 @@ impl Request {
 /// LOI 2, monitor, as Edition 2's bit.
 pub(crate) const LOI_2: u64 = 1;
 
-fn number(values: &Values<'_>, field: usize) -> Option<u16> {
-    values.unsigned(field).and_then(|it| u16::try_from(it).ok())
-}
-
-/// The parameter of that index, or of the name in `name_field`.
-fn parameter(values: &Values<'_>, name_field: usize) -> Option<Parameter> {
-    match number(values, 1).filter(|&it| it != m::BY_NAME) {
+/// The parameter of that index, or of that name.
+fn parameter(index: Option<u16>, name: Option<&[u8]>) -> Option<Parameter> {
+    match index.filter(|&it| it != m::BY_NAME) {
         Some(index) => Parameter::ALL.get(usize::from(index)).copied(),
-        None => Parameter::named(Name::new(*values.bytes(name_field)?.first_chunk()?)),
+        None => Parameter::named(Name::new(*name?.first_chunk()?)),
     }
 }
 

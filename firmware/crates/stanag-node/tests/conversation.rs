@@ -75,12 +75,17 @@ fn answers_of(node: &mut Node, datagram: &[u8], at_arrival: Reading, now: Readin
     let requests: Vec<_> = requests.collect();
     let mut answers = Vec::new();
     for request in &requests {
-        answers.extend(
-            node.answers(request, at_arrival, now, &Halves)
-                .map(|it| hex(it.bytes())),
-        );
+        let mut send = |bytes: &[u8]| answers.push(hex(bytes));
+        node.answer(request, (&at_arrival, &now), &Halves, &mut send);
     }
     answers
+}
+
+/// What the node sends in a second.
+fn second(node: &mut Node, now: Reading) -> Vec<String> {
+    let mut sent = Vec::new();
+    node.handle_second(&now, &mut |bytes| sent.push(hex(bytes)));
+    sent
 }
 
 fn hex(bytes: &[u8]) -> String {
@@ -137,7 +142,10 @@ fn where_and_when_the_receiver_is() {
         ..Fix::default()
     };
     let mut node = node();
-    let mut sent = |epoch_ns, fix: Fix| node.position(epoch_ns, &fix).map(|it| hex(it.bytes()));
+    let mut sent = |epoch_ns, fix: Fix| {
+        node.handle_position(epoch_ns, &fix);
+        second(&mut node, NOT_SET).get(1).cloned()
+    };
     let expected =
         "ffff001a00504301ffffffff0fa01e400000ffc5b612267b1a85958f5a74459400177003001effd8000210cd";
     assert_eq!(sent(Some(TIME_NS), fix).as_deref(), Some(expected));
@@ -170,9 +178,9 @@ fn where_and_when_the_receiver_is() {
 
 #[test]
 fn a_heartbeat_is_to_all() {
-    let sent = node().heartbeat(at(TIME_NS)).map(|it| hex(it.bytes()));
+    let sent = second(&mut node(), at(TIME_NS));
     let expected = "ffff000600504301ffffffff3e821e4001c5b612267b09e1";
-    assert_eq!(sent.as_deref(), Some(expected));
+    assert_eq!(sent, [expected]);
 }
 
 #[test]
@@ -240,8 +248,9 @@ fn sent_data(hex: &str, expected: u16) -> Vec<u8> {
 /// The words of the alerts that wait, with whom they are for.
 fn alerts(node: &mut Node) -> Vec<(u32, String)> {
     let mut said = Vec::new();
-    while let Some(alert) = node.poll_alert(NOT_SET) {
-        let (frame, _) = stanag_wire::Frame::read(alert.bytes()).expect("a frame");
+    for alert in &second(node, NOT_SET)[1..] {
+        let alert = bytes(alert);
+        let (frame, _) = stanag_wire::Frame::read(&alert).expect("a frame");
         assert_eq!(frame.header.message, message::ALERT);
         let values: Values<'_> = message::ALERT_LAYOUT.values(frame.data).expect("an alert");
         let text = values.bytes(11).expect("it has words");
@@ -364,11 +373,20 @@ fn what_is_refused_is_counted_and_said_in_words() {
     assert_eq!(node.counters().refused, 1_003);
 }
 
+fn alert(node: &mut Node, now: Reading, said: (Severity, &str)) -> String {
+    let mut sent = String::new();
+    node.alert(&now, said, &mut |bytes| sent = hex(bytes));
+    sent
+}
+
 #[test]
 fn an_alert_has_the_words_of_a_statustext() {
     let mut node = node();
-    let said = node.alert(at(TIME_NS), Severity::Warning, "clock in holdover");
-    let said = hex(said.expect("it has room").bytes());
+    let said = alert(
+        &mut node,
+        at(TIME_NS),
+        (Severity::Warning, "clock in holdover"),
+    );
     let data = sent_data(&said, message::ALERT);
     let values = message::ALERT_LAYOUT.values(&data).unwrap();
     let read = [0, 2, 4].map(|field| values.unsigned(field));
@@ -380,10 +398,8 @@ fn an_alert_has_the_words_of_a_statustext() {
             .unwrap()
             .starts_with(b"clock in holdover\0")
     );
-    let long = node
-        .alert(NOT_SET, Severity::Error, &"x".repeat(200))
-        .unwrap();
-    let data = sent_data(&hex(long.bytes()), message::ALERT);
+    let long = alert(&mut node, NOT_SET, (Severity::Error, &"x".repeat(200)));
+    let data = sent_data(&long, message::ALERT);
     let values = message::ALERT_LAYOUT.values(&data).unwrap();
     assert_eq!(values.bytes(11).map(|it| it[79]), Some(0));
 }
@@ -420,7 +436,7 @@ fn a_line_gives_the_same_requests_with_their_arrival() {
 #[test]
 fn every_message_of_ours_with_every_byte_changes_nothing() {
     let mut node = node();
-    let before = node.heartbeat(NOT_SET).expect("it has room");
+    let before = second(&mut node, NOT_SET);
     for number in message::OURS.chain([1, 16_002, 17_000, 17_001, 17_002]) {
         for byte in 0..=255 {
             for length in [1, 2, 13, 40] {
@@ -430,7 +446,7 @@ fn every_message_of_ours_with_every_byte_changes_nothing() {
         }
         assert!(alerts(&mut node).len() <= 3);
     }
-    assert_eq!(node.heartbeat(NOT_SET), Some(before));
+    assert_eq!(second(&mut node, NOT_SET), before);
     for bits in [0, u64::from(u32::MAX)] {
         let asks = data(&message::MESSAGE_INTERVAL_LAYOUT, &[(1, 4_000), (2, bits)]);
         let sent = answers_of(&mut node, &frame(52_003, &asks), NOT_SET, NOT_SET);

@@ -14,6 +14,7 @@ pub struct Layout {
 impl Layout {
     /// How long data with this presence vector are as far as fields are known, and whether it has
     /// bits beyond these.
+    #[inline(never)]
     fn extent(&self, vector: u64) -> (usize, bool) {
         let sizes = self.sizes.iter().map(|&size| usize::from(size));
         let present = sizes
@@ -43,6 +44,7 @@ impl Layout {
     /// # Errors
     ///
     /// `Data` when the length is not what the vector says.
+    #[inline(never)]
     pub fn values<'a>(&self, data: &'a [u8]) -> Result<Values<'a>, Refusal> {
         let (head, fields) = data
             .split_at_checked(self.vector.into())
@@ -92,6 +94,7 @@ impl<'a> Values<'a> {
 
     /// An Unsigned of up to 8 bytes.
     #[must_use]
+    #[inline(never)]
     pub fn unsigned(&self, field: usize) -> Option<u64> {
         let bytes = self.bytes(field)?;
         Some(
@@ -136,6 +139,7 @@ impl Builder {
 
     /// Adds a number, of which the lowest bytes are taken. A field that does not exist, or stands
     /// before one that is there already, stays out: `false`.
+    #[inline(never)]
     pub fn unsigned(&mut self, field: usize, value: u64) -> bool {
         let bytes = value.to_be_bytes();
         let size = self.layout.sizes.get(field).copied().unwrap_or(0).into();
@@ -152,6 +156,7 @@ impl Builder {
 
     /// Adds bytes, with NULs up to the field's length behind them. More bytes than that are refused
     /// too.
+    #[inline(never)]
     pub fn bytes(&mut self, field: usize, bytes: &[u8]) -> bool {
         let Some(&size) = self.layout.sizes.get(field) else {
             return false;

@@ -19,17 +19,21 @@ use crate::settings::VARIANT;
 const FIX_LASTS: i64 = 2 * CORE_HZ as i64;
 
 /// What happened since the second before, for all links.
-type News = Vec<ClockEvent, { clock_events::ROOM }>;
+pub type News = Vec<ClockEvent, { clock_events::ROOM }>;
+
+/// Takes what happened.
+pub fn news() -> News {
+    core::iter::from_fn(clock_events::poll)
+        .take(clock_events::ROOM)
+        .collect()
+}
 
 /// HEARTBEAT, SYSTEM_TIME, GPS_RAW_INT, what is plotted, and a STATUSTEXT for each event, on every link.
 #[inline(never)]
-pub fn once_a_second(links: &mut [Link]) {
+pub fn once_a_second(links: &mut [Link], news: &News) {
     let report = GNSS.get();
-    let news: News = core::iter::from_fn(clock_events::poll)
-        .take(clock_events::ROOM)
-        .collect();
     for link in links {
-        broadcast(&mut link.node, &mut link.writer, report.as_ref(), &news);
+        broadcast(&mut link.node, &mut link.writer, report.as_ref(), news);
     }
 }
 

@@ -12,6 +12,9 @@ mod lookup;
 mod requests;
 mod words;
 
+#[cfg(stanag)]
+pub use {broadcast::News, lookup::ThisBoard, words::statustext};
+
 use core::future::poll_fn;
 use core::task::{Context, Poll};
 
@@ -34,21 +37,43 @@ const PACE: Duration = Duration::from_millis(5);
 /// left: at 57600 Bd 1023 bytes last 178 ms.
 const LEAVES_AFTER: Duration = Duration::from_millis(200);
 
+/// The lines that the task has.
+pub struct Lines {
+    /// Those that speak MAVLink.
+    pub mavlink: [(Reader, Writer); LINKS],
+    /// The one that speaks STANAG 4586.
+    #[cfg(stanag)]
+    pub stanag: (Reader, Writer),
+}
+
 /// Runs forever, on the high executor.
 #[embassy_executor::task]
-pub async fn run(lines: [(Reader, Writer); LINKS]) {
-    let mut links = lines.map(Link::new);
+pub async fn run(lines: Lines) {
+    let mut links = lines.mavlink.map(Link::new);
+    #[cfg(stanag)]
+    let mut stanag = super::stanag::Link::new(lines.stanag);
     let mut beat = Ticker::every(Duration::from_secs(1));
     loop {
         supervision::came_by(Hang::Mavlink);
         let has_more = links.iter().any(Link::has_more);
         let pace = Timer::after(if has_more { PACE } else { COME_BY });
-        let received = poll_fn(|context| poll_any(&mut links, context));
+        let received = poll_fn(|context| {
+            #[cfg(stanag)]
+            if stanag.poll_wait(context).is_ready() {
+                return Poll::Ready(());
+            }
+            poll_any(&mut links, context)
+        });
         let woken = select3(received, beat.next(), pace).await;
         if matches!(woken, Either3::Second(())) {
-            broadcast::once_a_second(&mut links);
+            let news = broadcast::news();
+            broadcast::once_a_second(&mut links, &news);
             MAVLINK.set(links.each_ref().map(Link::report));
+            #[cfg(stanag)]
+            stanag.once_a_second(&news);
         }
+        #[cfg(stanag)]
+        stanag.serve();
         serve_all(&mut links);
         if bootloader::is_called() {
             Timer::after(LEAVES_AFTER).await;

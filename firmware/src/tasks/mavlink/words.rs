@@ -14,6 +14,7 @@ use crate::story;
 type Text = String<50>;
 
 /// The severity of an event, and its text.
+#[inline(never)]
 pub fn statustext(event: ClockEvent) -> (Severity, Text) {
     if let ClockEvent::Restarted { reason, place } = event {
         return (Severity::Error, restarted(reason, place));

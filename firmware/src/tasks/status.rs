@@ -262,6 +262,7 @@ impl Part for Clock {
             "mark_early": early,
             "mark_drift": drift,
             "mark_waited": waited,
+            "mark_crystal": crystal,
             "pulses": pulses,
             "pulse_locks": pulse_locks,
             "pulse_unnumbered": pulse_unnumbered,

@@ -259,6 +259,7 @@ fn totals(counters: Counters) -> Totals {
             ("early", counters.early.into()),
             ("drift", counters.drift.into()),
             ("waited", counters.waited.into()),
+            ("crystal", counters.crystal.into()),
             ("date_out", counters.too_old.into()),
         ],
     }

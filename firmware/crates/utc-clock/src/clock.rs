@@ -181,6 +181,9 @@ impl<'a> UtcClock<'a> {
             Outcome::Refused(refusal) => self.counters.count_refusal(refusal),
             _ => bump(&mut self.counters.accepted),
         }
+        if self.discipline.is_crystal_beyond() && self.state != ClockState::Unset {
+            self.unset(now);
+        }
         self.publish_second(now);
         outcome
     }
@@ -496,6 +499,24 @@ impl<'a> UtcClock<'a> {
             uncertainty_ns: (self.state != ClockState::Unset)
                 .then(|| self.uncertainty.at(at) + rest_ns as f32),
         }
+    }
+
+    /// Nothing is true any more of what was published.
+    fn unset(&mut self, now: Cycles) {
+        if self.is_crowded(now) {
+            // The next mark does it.
+            return;
+        }
+        self.end_slew();
+        self.unabsorbed_ns = 0;
+        self.turned_ppb = 0.0;
+        self.state = ClockState::Unset;
+        self.steered_by = Source::Nothing;
+        let line = ClockModel {
+            quality: ClockModel::BOOT.quality,
+            ..self.line_from(now)
+        };
+        self.steer(&line, now);
     }
 
     /// Tells the line anew where something is known about the second that it does not say.

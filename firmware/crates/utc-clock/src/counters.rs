@@ -53,6 +53,8 @@ pub struct Counters {
     pub drift: u32,
     /// [`Refusal::Waited`].
     pub waited: u32,
+    /// [`Refusal::Crystal`].
+    pub crystal: u32,
     /// Pulses that were followed.
     pub pulses: u32,
     /// Times that the pulse began to be followed.
@@ -101,6 +103,7 @@ impl Counters {
             self.early,
             self.drift,
             self.waited,
+            self.crystal,
         ]
         .into_iter()
         .fold(0, u32::wrapping_add)
@@ -125,6 +128,7 @@ impl Counters {
             Refusal::Early => &mut self.early,
             Refusal::Drift => &mut self.drift,
             Refusal::Waited => &mut self.waited,
+            Refusal::Crystal => &mut self.crystal,
         };
         bump(field);
     }

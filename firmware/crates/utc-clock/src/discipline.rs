@@ -18,6 +18,7 @@
 
 use timebase::{CORE_HZ, Cycles, LeapSeconds, Polarity, PulseEdge, PulseForecast};
 
+use crate::crystal_watch::CrystalWatch;
 use crate::drift_guard::DriftGuard;
 use crate::envelope::{Envelope, EnvelopeEstimate, EnvelopeVerdict};
 use crate::float::float;
@@ -156,6 +157,7 @@ pub struct Discipline {
     envelope: Envelope,
     trains: Trains,
     drift_guard: DriftGuard,
+    crystal_watch: CrystalWatch,
     followed: Option<Followed>,
     /// The discipline's scale less UTC. \[ns\]
     shift_ns: i64,
@@ -164,8 +166,9 @@ pub struct Discipline {
     has_settled: bool,
     latency_ns: i64,
     latency_uncertainty_ns: u32,
-    /// The least latency that may be corrected. \[ns\]
+    /// The least latency that may be corrected, and how far it may be off, as they were set. \[ns\]
     base_latency_ns: i64,
+    base_uncertainty_ns: u32,
     is_latency_learnt: bool,
     pulse_uncertainty_ns: u32,
     /// The last mark was refused because the receiver drifts.
@@ -200,6 +203,7 @@ impl Discipline {
             envelope: Envelope::new(crystal_ppb, uncertainty_ppb / 2.0),
             trains: Trains::new(),
             drift_guard: DriftGuard::new(),
+            crystal_watch: CrystalWatch::new(),
             followed: None,
             shift_ns: 0,
             is_set: false,
@@ -207,6 +211,7 @@ impl Discipline {
             latency_ns: settings.latency_ns.into(),
             latency_uncertainty_ns: settings.latency_uncertainty_ns,
             base_latency_ns: settings.latency_ns.into(),
+            base_uncertainty_ns: settings.latency_uncertainty_ns,
             is_latency_learnt: false,
             pulse_uncertainty_ns: settings.pulse_uncertainty_ns,
             is_adrift: false,
@@ -370,6 +375,18 @@ impl Discipline {
         let epoch_ns = epoch.0.saturating_add(self.shift_ns);
         let lateness_ns = local_ns.cast_signed().wrapping_sub(epoch_ns) as u32;
         let is_better_known = pulse.is_some_and(|(_, ns)| ns < LEARNT_UNCERTAINTY_NS as f32);
+        if is_better_known {
+            self.crystal_watch = CrystalWatch::new();
+        } else if self
+            .crystal_watch
+            .push(observed.at.as_micros() as u32, lateness_ns)
+        {
+            self.trains.believe_crystal(local_ns);
+        }
+        if self.is_crystal_beyond() {
+            self.forget_crystal();
+            return Err(Refusal::Crystal);
+        }
         let observed_floor =
             self.envelope
                 .update(observed.at.as_micros(), lateness_ns, is_better_known);
@@ -434,6 +451,27 @@ impl Discipline {
         } else {
             Correction::First(course)
         })
+    }
+
+    /// Whether the crystal is farther off than all uncertainties allow for: the clock has to be unset.
+    pub(crate) const fn is_crystal_beyond(&self) -> bool {
+        self.crystal_watch.is_beyond() || self.trains.is_crystal_beyond()
+    }
+
+    /// Nothing that was learnt by such a crystal is true; of the second, the leap count is.
+    fn forget_crystal(&mut self) {
+        self.second.open();
+        self.envelope.forget_crystal();
+        self.drift_guard = DriftGuard::new();
+        self.is_adrift = false;
+        self.followed = None;
+        self.is_set = false;
+        self.has_settled = false;
+        self.is_latency_learnt = false;
+        self.latency_ns = self.base_latency_ns;
+        self.latency_uncertainty_ns = self.base_uncertainty_ns;
+        self.crystal_ppb = 0.0;
+        self.crystal_uncertainty_ppb = CRYSTAL_PPB;
     }
 
     /// Whether the floor goes as a crystal does.
@@ -532,6 +570,9 @@ impl Discipline {
                 rise,
             } => (train, steady_s, rise),
         };
+        if self.crystal_watch.is_beyond() {
+            self.crystal_watch = CrystalWatch::new();
+        }
         let Some(track) = self.trains.track(train) else {
             return Err(PulseRefusal::Unnumbered);
         };

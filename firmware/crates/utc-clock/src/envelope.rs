@@ -385,6 +385,15 @@ impl Envelope {
         self.line.crystal_ppb = crystal_ppb;
     }
 
+    /// Forgets everything: the crystal is none that anything can be learnt of.
+    pub const fn forget_crystal(&mut self) {
+        self.is_empty = true;
+        self.line.crystal_ppb = 0.0;
+        self.variance = LOST_PPB * LOST_PPB;
+        self.learnt_s = 0.0;
+        self.wander.forget();
+    }
+
     /// Forgets everything but the frequency: the receiver's time has jumped.
     pub const fn forget(&mut self) {
         self.is_empty = true;

@@ -103,10 +103,13 @@
 //! | surprise, lag | `track` | 3 to 7 pulses | a ramp that turns round | learns the drift anew |
 //! | phase against the pulse followed | `discipline` | 60 s; 120 s beside it | a train that snaps, a camera 3 ppm fast | not followed before it has outlasted that at the crystal's frequency |
 //! | first marks | `envelope` | 20 s | a late or early first mark, one wrong label | begins the line anew |
+//! | silence of a young line | `envelope` | 2 min | a line that ran on by a crystal of which little is known | begins anew |
 //! | early, late | `envelope` (`apart`) | 75 s; 240 s | labels that are off, a queue, a floor that moves | holds the marks off, then takes the floor for another latency |
 //! | still moving | `envelope` (`apart`) | twice that | ramps, a frequency learnt from one | not followed; the frequency is learnt anew |
 //! | wander | `envelope` (`wander`) | 8 min | floors that breathe | the frequency of many minutes, the scatter in the uncertainty |
 //! | step of the frequency | `envelope` | 2 s | a floor taken for a crystal | 4.8 ppm a minute at most, 110 ppm in all |
+//! | seconds of another length | `train` | 8 pulses | a crystal beyond 110 ppm, by the pulse | unset until pulses or blocks say otherwise |
+//! | floors of blocks | `crystal_watch` | 250 s | the same by messages | the same |
 //! | anchor | `drift_guard` | the whole lock | a receiver that drifts as no crystal does | refuses its marks |
 //! | silence | `clock` | 2 s or 3.5 periods | a receiver that is gone | holdover |
 //!
@@ -131,6 +134,7 @@ extern crate std;
 mod calendar;
 mod clock;
 mod counters;
+mod crystal_watch;
 mod discipline;
 mod drift_guard;
 mod envelope;

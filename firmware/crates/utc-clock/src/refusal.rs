@@ -50,6 +50,9 @@ pub enum Refusal {
     Drift,
     /// It waited behind other messages for longer than it can be believed with.
     Waited,
+    /// The board's crystal is off by more than 110 ppm, beyond all that is promised of it: the clock
+    /// is unset.
+    Crystal,
 }
 
 impl fmt::Display for Refusal {
@@ -72,6 +75,7 @@ impl fmt::Display for Refusal {
             Self::Early => "earlier than any floor wanders",
             Self::Drift => "the receiver drifts as no crystal does",
             Self::Waited => "it waited behind other messages",
+            Self::Crystal => "the crystal is off by more than 110 ppm",
         })
     }
 }

@@ -19,8 +19,9 @@
 use timebase::{CORE_HZ, Cycles, Polarity, PulseEdge, PulseForecast};
 
 use crate::float::float;
-use crate::holdover::DRIFT_PPB_PER_S;
+use crate::holdover::{CRYSTAL_PPB, DRIFT_PPB_PER_S};
 use crate::refusal::PulseRefusal;
+use crate::second::SECOND_NS;
 use crate::track::{Fit, PulseTrack};
 
 /// So many trains are kept.
@@ -46,6 +47,13 @@ const WAITED_US: u32 = 300_000;
 /// No tick of a u-blox receiver is longer: M8 21 ns, F9T 8 ns. \[ps\]
 const MOST_LATE_PS: i32 = 50_000;
 
+/// A pulse that is farther from a second after the one before is none of any crystal. \[ns\]
+const STRANGE_NS: i64 = 2_000_000;
+/// Without one for so long the messages know better. \[ns\] 60 s
+const STRANGE_LASTS_NS: u64 = 60 * SECOND_NS as u64;
+/// So far apart are two such seconds that are one crystal's. \[ns\]
+const SAME_STRANGE_NS: i64 = 2_000;
+
 /// So far beside its track a pulse may be and still belong to its train: \[ns\]
 const DOOR_NS: f32 = 3_000.0;
 /// So many on end that are beside the track begin a new one.
@@ -68,6 +76,16 @@ struct Rise {
     at: Cycles,
     late_ns: i32,
     is_vouched: bool,
+}
+
+/// Pulses that the receiver vouches for, a second apart by a crystal that is beyond its promise.
+#[derive(Clone, Copy, Debug, Default)]
+struct Strange {
+    edge_ns: u64,
+    /// From the last one but one to the last one, less a second. \[ns\]
+    apart_ns: i64,
+    /// So many seconds on end were as long.
+    seconds: u8,
 }
 
 /// What became of an edge.
@@ -107,6 +125,7 @@ pub(crate) struct Trains {
     forecast: Option<PulseForecast>,
     /// When a TIM-TP last spoke for the pulse.
     vouched_at: Option<Cycles>,
+    strange: Strange,
 }
 
 impl Trains {
@@ -118,7 +137,44 @@ impl Trains {
             rise: None,
             forecast: None,
             vouched_at: None,
+            strange: Strange {
+                edge_ns: 0,
+                apart_ns: 0,
+                seconds: 0,
+            },
         }
+    }
+
+    /// Whether the pulses say that the crystal is beyond its promise.
+    pub(crate) const fn is_crystal_beyond(&self) -> bool {
+        self.strange.seconds >= PROOF
+    }
+
+    /// By the messages it is not, which counts where no pulse has said so for long.
+    pub(crate) const fn believe_crystal(&mut self, local_ns: u64) {
+        if local_ns.wrapping_sub(self.strange.edge_ns) > STRANGE_LASTS_NS {
+            self.strange.seconds = 0;
+        }
+    }
+
+    /// Looks at a pulse that is on no crystal's track.
+    fn note_strange(&mut self, edge_ns: u64, is_vouched: bool) {
+        let since_ns = edge_ns.wrapping_sub(self.strange.edge_ns).cast_signed();
+        let apart_ns = since_ns.saturating_sub(SECOND_NS);
+        let is_beyond = (CRYSTAL_PPB as i64..STRANGE_NS).contains(&apart_ns.saturating_abs());
+        let is_same = apart_ns
+            .saturating_sub(self.strange.apart_ns)
+            .saturating_abs();
+        let seconds = if is_vouched && is_beyond && is_same < SAME_STRANGE_NS {
+            self.strange.seconds.saturating_add(1)
+        } else {
+            0
+        };
+        self.strange = Strange {
+            edge_ns,
+            apart_ns,
+            seconds,
+        };
     }
 
     /// The receiver has acknowledged a pulse of that width, or its pulse is nobody's. \[µs\]
@@ -206,6 +262,7 @@ impl Trains {
         }
         let edge_ns = rise.as_nanos().saturating_add_signed(i64::from(-late_ns));
         let Some((index, fit)) = self.find(edge_ns) else {
+            self.note_strange(edge_ns, is_vouched);
             self.begin(edge_ns, crystal());
             return EdgeVerdict::Noted;
         };
@@ -231,6 +288,7 @@ impl Trains {
         if !is_proved || !is_vouched {
             return EdgeVerdict::Refused(PulseRefusal::Unproved);
         }
+        self.strange.seconds = 0;
         EdgeVerdict::Proved {
             train: index as u8,
             steady_s: float(edge_ns.wrapping_sub(since_ns).cast_signed()) * 1e-9,

@@ -74,6 +74,11 @@ impl Wander {
         self.scatter_ns = 0.0;
     }
 
+    /// Forgets the frequency of many minutes.
+    pub(super) const fn forget(&mut self) {
+        self.weight = 0.0;
+    }
+
     /// Takes a point in.
     pub(super) fn fill(&mut self, point: Point, excess_ns: i32, line: &Trend) {
         if self.bins.is_over(point.at_us) {

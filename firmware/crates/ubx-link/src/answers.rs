@@ -30,8 +30,8 @@ pub(crate) type Protocols = [u8; 4];
 /// An answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Answer {
-    /// MON-VER.
-    Version(Identity),
+    /// MON-VER: [`Answers::identity`] has it.
+    Version,
     /// CFG-PRT.
     Port(Protocols),
 }
@@ -75,6 +75,11 @@ impl Answers {
         self.is_wanted
     }
 
+    /// What the last [`Answer::Version`] said.
+    pub(crate) const fn identity(&self) -> &Identity {
+        &self.identity
+    }
+
     /// An answer may come from now on, or does not matter any more.
     pub(crate) const fn handle_wanted(&mut self, wanted: bool) {
         self.is_wanted = wanted;
@@ -82,6 +87,7 @@ impl Answers {
     }
 
     /// Takes a byte of the line; an answer, if it was its last.
+    #[inline(never)]
     pub(crate) fn push(&mut self, byte: u8) -> Option<Answer> {
         let at = self.at;
         self.at = at.wrapping_add(1);
@@ -157,7 +163,7 @@ impl Answers {
 
     fn answer(&self) -> Answer {
         if self.is_version {
-            return Answer::Version(self.identity);
+            return Answer::Version;
         }
         let masks = self.field.get(12..).and_then(<[u8]>::first_chunk);
         Answer::Port(masks.copied().unwrap_or_default())
@@ -194,13 +200,11 @@ mod tests {
         frame(0x0a, 0x04, &payload)
     }
 
-    fn read(bytes: &[u8]) -> Vec<Answer> {
+    fn read(bytes: &[u8]) -> (Vec<Answer>, Identity) {
         let mut answers = Answers::new();
         answers.handle_wanted(true);
-        bytes
-            .iter()
-            .filter_map(|byte| answers.push(*byte))
-            .collect()
+        let found = bytes.iter().filter_map(|byte| answers.push(*byte));
+        (found.collect(), *answers.identity())
     }
 
     #[test]
@@ -211,24 +215,22 @@ mod tests {
         line.extend(frame(0x06, 0x00, &port));
         line.push(SYNC_1);
         line.extend(version(&["PROTVER=27.31", "MOD=ZED-F9P"]));
-        let answers = read(&line);
-        let [Answer::Port([7, 0, 3, 0]), Answer::Version(identity)] = answers[..] else {
-            panic!("{answers:?}");
-        };
+        let (answers, identity) = read(&line);
+        assert_eq!(answers, [Answer::Port([7, 0, 3, 0]), Answer::Version]);
         assert_eq!((identity.model(), identity.protocol()), ("ZED-F9P", 2_731));
     }
 
     #[test]
     fn what_is_damaged_or_of_another_length_is_none() {
         let whole = version(&["PROTVER=18.00"]);
-        assert_eq!(read(&whole).len(), 1);
+        assert_eq!(read(&whole).0.len(), 1);
         for nth in 2..whole.len() {
             let mut damaged = whole.clone();
             damaged[nth] ^= 0x10;
-            assert_eq!(read(&damaged), [], "{nth}");
+            assert_eq!(read(&damaged).0, [], "{nth}");
         }
-        assert_eq!(read(&frame(0x0a, 0x04, &[0; VERSION_LEN + 1])), []);
-        assert_eq!(read(&frame(0x06, 0x00, &[0; PORT_LEN - 1])), []);
-        assert_eq!(read(&frame(0x0a, 0x04, &[0; 5_000])), []);
+        assert_eq!(read(&frame(0x0a, 0x04, &[0; VERSION_LEN + 1])).0, []);
+        assert_eq!(read(&frame(0x06, 0x00, &[0; PORT_LEN - 1])).0, []);
+        assert_eq!(read(&frame(0x0a, 0x04, &[0; 5_000])).0, []);
     }
 }

@@ -190,6 +190,7 @@ impl Setting {
     }
 
     /// The same by keys.
+    #[inline(never)]
     fn write_keys(self, baud: u32, buffer: &mut Buffer) -> usize {
         let layers = if matches!(self, Self::Save) {
             keys::BATTERY_BACKED
@@ -202,9 +203,9 @@ impl Setting {
             Self::Port => frame.add_port(baud),
             Self::Corrections => frame.add(keys::RTCM3_OUT, 0),
             Self::Save => frame.add(keys::BAUD, baud),
-            Self::Rate => frame.add_all(&keys::rate(PERIOD_MS)),
+            Self::Rate => frame.add_all(&const { keys::rate(PERIOD_MS) }),
             Self::Navigation => frame.add_all(&keys::NAVIGATION),
-            Self::Pulse => frame.add_all(&keys::pulse(PULSE_WIDTH_US)),
+            Self::Pulse => frame.add_all(&const { keys::pulse(PULSE_WIDTH_US) }),
             Self::Notices => frame.add(keys::NOTICES, 0),
             Self::Message | Self::Forecasts { .. } | Self::Off { .. } => {
                 let Some(key) = keys::of_message(self.subject()) else {
@@ -293,6 +294,7 @@ fn message((msg_class, msg_id): (u8, u8), rate: u8) -> [u8; 11] {
 }
 
 /// CFG-PRT by hand (u-blox M8 receiver description, UBX-CFG-PRT).
+#[inline(never)]
 fn port(baud: u32, [in_0, in_1, out_0, out_1]: Protocols) -> [u8; 28] {
     // Reserved bit 4, eight bits of data, no parity, one stop bit.
     const MODE: u32 = 0x08d0;
@@ -311,6 +313,7 @@ fn port(baud: u32, [in_0, in_1, out_0, out_1]: Protocols) -> [u8; 28] {
 }
 
 /// Writes the checksum of a whole frame to its end.
+#[inline(never)]
 pub(crate) fn sum(frame: &mut [u8]) {
     if let [_, _, summed @ .., a, b] = frame {
         let start = Fletcher::START;
@@ -319,6 +322,7 @@ pub(crate) fn sum(frame: &mut [u8]) {
 }
 
 /// Puts `frame` into `buffer` from `at` on; the length of all of it, in bytes.
+#[inline(never)]
 fn put(buffer: &mut Buffer, at: usize, frame: &[u8]) -> usize {
     let end = at.wrapping_add(frame.len());
     if let Some(space) = buffer.get_mut(at..end) {

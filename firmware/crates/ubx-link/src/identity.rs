@@ -26,6 +26,7 @@ impl Name {
     };
 
     /// The printable characters that `text` begins with, without blanks at its end.
+    #[inline(never)]
     pub(crate) fn of(text: &[u8]) -> Self {
         let mut name = Self::NONE;
         for (nth, (to, from)) in name.bytes.iter_mut().zip(text).enumerate() {
@@ -100,6 +101,7 @@ impl Identity {
     };
 
     /// Takes field `nth` of a MON-VER: software, hardware, and then the extensions.
+    #[inline(never)]
     pub(crate) fn handle_field(&mut self, nth: usize, field: &[u8]) {
         let after = |prefix: &[u8]| field.strip_prefix(prefix);
         match nth {
@@ -123,6 +125,7 @@ impl Identity {
 
     /// What it is called: its own name for itself, or its generation's.
     #[must_use]
+    #[inline(never)]
     pub fn model(&self) -> &str {
         let own = self.model.as_str();
         if !own.is_empty() {
@@ -155,6 +158,7 @@ impl Identity {
     /// # Errors
     ///
     /// It cannot serve this clock.
+    #[inline(never)]
     pub const fn generation(&self) -> Result<Generation, Unusable> {
         match (self.protocol / 100, &self.hardware) {
             (27.., _) => Ok(Generation::Keys),
@@ -166,6 +170,7 @@ impl Identity {
 }
 
 /// A version like `34.10`, in hundredths.
+#[inline(never)]
 fn hundredths(version: &[u8]) -> u16 {
     let mut value = 0_u16;
     let mut decimals = None::<u8>;

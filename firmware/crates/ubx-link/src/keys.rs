@@ -89,6 +89,7 @@ const MESSAGES: [(u8, u8, u16); 23] = [
 ];
 
 /// The key of a message's rate; `None` if it is not in the table.
+#[inline(never)]
 pub(crate) fn of_message(message: (u8, u8)) -> Option<u32> {
     let mut known = MESSAGES.iter();
     let (_, _, rest) = known.find(|(class, id, _)| (*class, *id) == message)?;
@@ -109,6 +110,7 @@ impl<'a> Keys<'a> {
         frame
     }
 
+    #[inline(never)]
     fn put(&mut self, bytes: &[u8]) {
         let end = self.length.wrapping_add(bytes.len());
         if let Some(space) = self.buffer.get_mut(self.length..end) {
@@ -118,6 +120,7 @@ impl<'a> Keys<'a> {
     }
 
     /// Adds a key and the low bytes of its value, as many as the key says.
+    #[inline(never)]
     pub(crate) fn add(&mut self, key: u32, value: u32) {
         self.put(&key.to_le_bytes());
         let size = match key >> 28 & 7 {
@@ -129,6 +132,7 @@ impl<'a> Keys<'a> {
         self.put(bytes.get(..size).unwrap_or_default());
     }
 
+    #[inline(never)]
     pub(crate) fn add_all(&mut self, pairs: &[(u32, u32)]) {
         for (key, value) in pairs {
             self.add(*key, *value);
@@ -136,12 +140,14 @@ impl<'a> Keys<'a> {
     }
 
     /// The line's rate, and UBX alone.
+    #[inline(never)]
     pub(crate) fn add_port(&mut self, baud: u32) {
         self.add(BAUD, baud);
         self.add_all(&PROTOCOLS);
     }
 
     /// Its length, in bytes, once its header and checksum are right.
+    #[inline(never)]
     pub(crate) fn finish(mut self) -> usize {
         self.put(&[0; CHECKSUM_LEN]);
         let payload = self.length.saturating_sub(HEADER_LEN + CHECKSUM_LEN);

@@ -20,9 +20,9 @@ pub enum Finding {
 /// The present finding, and what the outside knows of it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Findings {
-    pub(super) now: Finding,
-    /// What was reported last.
-    reported: Finding,
+    now: Finding,
+    /// It has not been reported.
+    is_new: bool,
     /// The last one that said what it is.
     last: Option<Identity>,
     /// One has acknowledged a CFG-VALSET.
@@ -32,7 +32,7 @@ pub(super) struct Findings {
 impl Findings {
     pub(super) const NONE: Self = Self {
         now: Finding::Searching,
-        reported: Finding::Searching,
+        is_new: false,
         last: None,
         takes_keys: false,
     };
@@ -48,19 +48,21 @@ impl Findings {
     }
 
     /// It says what it is. Whether it is another one than before.
-    pub(super) fn handle_version(&mut self, identity: Identity) -> bool {
+    #[inline(never)]
+    pub(super) fn handle_version(&mut self, identity: &Identity) -> bool {
         let finding = match identity.generation() {
-            Ok(_) => Finding::Used(identity),
-            Err(why) => Finding::Unused(identity, why),
+            Ok(_) => Finding::Used(*identity),
+            Err(why) => Finding::Unused(*identity, why),
         };
-        self.now = finding;
-        self.last.replace(identity) != Some(identity)
+        self.handle(finding);
+        self.last.replace(*identity) != Some(*identity)
     }
 
     /// How it is configured; `None` if it is not used.
+    #[inline(never)]
     pub(super) const fn generation(&self) -> Option<Generation> {
         match self.now {
-            Finding::Used(identity) => match identity.generation() {
+            Finding::Used(ref identity) => match identity.generation() {
                 Ok(generation) => Some(generation),
                 Err(_) => None,
             },
@@ -70,10 +72,28 @@ impl Findings {
         }
     }
 
-    /// What is new since the last call; nothing is new about a search.
+    /// The present one.
+    pub(super) const fn now(&self) -> Finding {
+        self.now
+    }
+
+    /// This is known now.
+    #[inline(never)]
+    pub(super) fn handle(&mut self, finding: Finding) {
+        self.is_new |= self.now != finding;
+        self.now = finding;
+    }
+
+    /// It is there, whatever it is.
+    pub(super) fn handle_there(&mut self) {
+        if matches!(self.now, Finding::Searching | Finding::Silent) {
+            self.handle(Finding::Unnamed);
+        }
+    }
+
+    /// What is new since the last call.
+    #[inline]
     pub(super) fn poll(&mut self) -> Option<Finding> {
-        let is_new = self.now != self.reported && self.now != Finding::Searching;
-        self.reported = self.now;
-        is_new.then_some(self.now)
+        core::mem::take(&mut self.is_new).then_some(self.now)
     }
 }

@@ -268,7 +268,7 @@ impl Session {
     /// What is known of the receiver.
     #[must_use]
     pub const fn finding(&self) -> Finding {
-        self.findings.now
+        self.findings.now()
     }
 
     /// What is new about that, once. After each `handle_…` and [`Self::poll`].

@@ -16,6 +16,7 @@ const VALSET: (u8, u8) = (0x06, 0x8a);
 const CFG_PRT: (u8, u8) = (0x06, 0x00);
 
 impl Session {
+    #[inline(never)]
     pub(super) fn handle_answer(&mut self, now: Cycles, answer: Answer) {
         self.last_event = Some(now);
         match (answer, self.state) {
@@ -23,9 +24,9 @@ impl Session {
                 self.protocols = Some(protocols);
                 self.handle_found();
             }
-            (Answer::Version(identity), _) => {
+            (Answer::Version, _) => {
                 let before = self.findings.generation();
-                if self.findings.handle_version(identity) {
+                if self.findings.handle_version(self.answers.identity()) {
                     self.is_saved = false;
                     self.pulse = Acknowledged::NotYet;
                 }
@@ -46,6 +47,7 @@ impl Session {
     }
 
     /// The receiver sends at the rate at which its port is asked.
+    #[inline(never)]
     pub(super) fn handle_speaking(&mut self) {
         if self.search.is_at_own() {
             if matches!(self.state, State::AwaitingPort { .. }) && self.last_event.is_some() {
@@ -73,6 +75,7 @@ impl Session {
         }
     }
 
+    #[inline(never)]
     pub(super) fn handle_ack(&mut self, message: (u8, u8)) {
         if message == VALSET {
             self.findings.handle_keys_taken();
@@ -89,6 +92,7 @@ impl Session {
         }
     }
 
+    #[inline(never)]
     pub(super) fn handle_nak(&mut self, message: (u8, u8)) {
         if message == Setting::Pulse.message(Generation::Messages) {
             self.pulse = Acknowledged::NotYet;

@@ -29,6 +29,7 @@ pub(super) const BETWEEN_ROUNDS: u64 = millis(1_000);
 
 impl Session {
     /// The present setting; `None` behind the last.
+    #[inline(never)]
     pub(super) fn setting(&self) -> Option<Setting> {
         const FORECASTS: usize = STEPS.len();
         const OFF: usize = FORECASTS + 1;
@@ -42,6 +43,7 @@ impl Session {
     }
 
     /// Whether the present step is for this receiver.
+    #[inline(never)]
     pub(super) fn is_for_this(&self) -> bool {
         let Some((setting, only)) = STEPS.get(self.step) else {
             return true;
@@ -54,6 +56,7 @@ impl Session {
 
     /// Writes `setting` to the buffer, and notes that it leaves: the frame's length. `None` if there are no
     /// words for it, so that it counts as refused.
+    #[inline(never)]
     pub(super) fn write(&mut self, setting: Setting) -> Option<usize> {
         let generation = self.findings.generation().unwrap_or(Generation::Messages);
         let length = setting.write(generation, self.search.own_baud(), &mut self.buffer);
@@ -73,6 +76,7 @@ impl Session {
     }
 
     /// The present setting was refused once more.
+    #[inline(never)]
     pub(super) fn handle_refused(&mut self) {
         if self.tries < Self::TRIES {
             self.state = State::SendSetting;
@@ -89,10 +93,9 @@ impl Session {
     }
 
     /// All settings are through.
+    #[inline(never)]
     pub(super) fn finish(&mut self, now: Cycles) {
-        if self.findings.now == Finding::Searching || self.findings.now == Finding::Silent {
-            self.findings.now = Finding::Unnamed;
-        }
+        self.findings.handle_there();
         self.again_from = now.plus(PAUSE);
         self.state = self.listening(now);
     }
@@ -132,7 +135,7 @@ impl Session {
         } else if self.search.begin_attempt() {
             self.state = State::SetOtherRate;
         } else {
-            self.findings.now = Finding::Silent;
+            self.findings.handle(Finding::Silent);
             let until = now.plus(BETWEEN_ROUNDS);
             self.state = State::Listening { until };
         }
@@ -161,6 +164,7 @@ impl Session {
         self.state = State::SendSetting;
     }
 
+    #[inline(never)]
     pub(super) fn next_step(&mut self) {
         self.off = None;
         if self.step == 0 && self.findings.generation().is_none() {

@@ -17,6 +17,7 @@ mod curve;
 mod deps;
 mod device_id;
 mod flash;
+mod gateway;
 mod image;
 mod integrity;
 mod link;
@@ -58,6 +59,8 @@ enum Verb {
     QemuTicks,
     /// Ask nodes for their time, and how far they are apart
     Ping(ping::Options),
+    /// A board's line that speaks STANAG 4586, in a group of datagrams
+    Gateway(gateway::Options),
     /// Put a recording of a receiver through the parser and the clock
     Replay(replay::Options),
     /// Our clock and other people's in the simulated world, beside the bounds
@@ -123,6 +126,7 @@ fn run() -> Result<ExitCode> {
         Verb::Qemu(options) => qemu::run(&options),
         Verb::QemuTicks => done(qemu_ticks::check()),
         Verb::Ping(options) => ping::run(&options),
+        Verb::Gateway(options) => done(gateway::run(&options)),
         Verb::Replay(options) => replay::run(&options),
         Verb::Compare(options) => compare::run(&options),
         Verb::Integrity(options) => integrity::run(&options),

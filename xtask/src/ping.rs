@@ -14,14 +14,16 @@
 mod answer;
 mod node;
 mod pair;
+mod stanag;
 
 use std::process::ExitCode;
+use std::str::FromStr;
 use std::sync::Barrier;
 use std::sync::mpsc::channel;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use mavlink_node::Version;
 use serde_json::{Value, json};
 
@@ -34,9 +36,13 @@ use pair::{Apart, Pair};
 /// What `ping` is asked to do.
 #[derive(clap::Args, Debug)]
 pub struct Options {
-    /// Where the nodes are: tcp:HOST:PORT, udp:HOST:PORT or serial:DEVICE, or serial:DEVICE:BAUD
+    /// Where the nodes are: tcp:HOST:PORT, udp:HOST:PORT or serial:DEVICE, or serial:DEVICE:BAUD; or all of them
+    /// stanag:GROUP:PORT/ID, where without an id it is listed who is there
     #[arg(value_name = "ADDR", required = true)]
-    addresses: Vec<Address>,
+    places: Vec<NodePlace>,
+    /// Over STANAG 4586: by heartbeats that are acknowledged, to the ms, as any node of it can
+    #[arg(long)]
+    plain: bool,
     /// How many requests
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     count: u32,
@@ -58,6 +64,24 @@ pub struct Options {
     json: bool,
 }
 
+/// Where a node is, and so what it speaks.
+#[derive(Clone, Debug)]
+enum NodePlace {
+    Mavlink(Address),
+    Stanag(stanag::Target),
+}
+
+impl FromStr for NodePlace {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.strip_prefix("stanag:") {
+            Some(target) => target.parse().map(Self::Stanag),
+            None => text.parse().map(Self::Mavlink),
+        }
+    }
+}
+
 /// Asks, prints the answers and a summary. The exit code says whether each node answered.
 ///
 /// # Errors
@@ -65,6 +89,19 @@ pub struct Options {
 /// When a line cannot be opened, or breaks before its node has answered.
 pub fn run(options: &Options) -> Result<ExitCode> {
     ctrl_c::catch()?;
+    let places = || options.places.iter();
+    let targets = places().filter_map(|place| match place {
+        NodePlace::Stanag(target) => Some(*target),
+        NodePlace::Mavlink(_) => None,
+    });
+    let targets: Vec<_> = targets.collect();
+    if !targets.is_empty() {
+        ensure!(
+            targets.len() == options.places.len(),
+            "nodes of MAVLink and of STANAG 4586 are asked by two calls"
+        );
+        return stanag::run(options, &targets);
+    }
     let mut round = Rounds::new(options)?;
     if let Err(error) = round.all(options) {
         if round.nodes.iter().any(|node| node.answers.is_empty()) {
@@ -102,7 +139,11 @@ impl Rounds {
             1 => Version::V1,
             _ => Version::V2,
         };
-        let nodes = options.addresses.iter().map(|address| {
+        let addresses = options.places.iter().filter_map(|place| match place {
+            NodePlace::Mavlink(address) => Some(address),
+            NodePlace::Stanag(_) => None,
+        });
+        let nodes = addresses.map(|address| {
             let baud = match address {
                 Address::Serial(_, baud) => Some(*baud),
                 Address::Tcp(_) | Address::Udp(_) => options.line_baud,

@@ -20,6 +20,7 @@ pub fn run(options: &SimOptions, arguments: &[String]) -> Result<ExitCode> {
     if options.shared.image.is_none() {
         let image = image::build(Build {
             image: Image::of(options.shared.variant()),
+            stanag: options.stanag.is_some(),
             ..Build::standard(Board::Pixhawk1)
         })?;
         command.arg("--image").arg(image);

@@ -18,6 +18,8 @@ use variant::{TICKS_US, Variant};
 
 /// The first board's MAVLink port: where ground stations look for a simulator.
 pub const DEFAULT_MAVLINK_PORT: u16 = 5_760;
+/// Where nodes of STANAG 4586 meet unless told: no number is fixed by anybody.
+const STANAG_PLACE: &str = "239.255.45.86:51017";
 /// How many boards a run may have.
 pub const MAX_BOARDS: u16 = 16;
 /// How many `sim` has unless asked for another number: two can disagree.
@@ -99,6 +101,11 @@ pub struct SimOptions {
     /// Wire the simulated receiver's time pulse to the board, too
     #[arg(long, conflicts_with_all = ["ubx", "variant"])]
     pub pulse: bool,
+
+    /// Let TELEM2 speak STANAG 4586, in this group of datagrams on the loopback interface. Of several boards at
+    /// a unicast place each takes the next port
+    #[arg(long, value_name = "GROUP:PORT", num_args = 0..=1, default_missing_value = STANAG_PLACE)]
+    pub stanag: Option<String>,
 }
 
 impl SimOptions {

@@ -6,7 +6,9 @@ use std::time::SystemTime;
 
 use anyhow::Context as _;
 use console::{SimOptions, UtcNanos, Word};
-use virtual_pixhawk::{Builder, Firmware, TcpLine};
+use stanag_net::Place;
+use stanag_wire::NodeId;
+use virtual_pixhawk::{Builder, Firmware, StanagLine, TcpLine};
 use world::{Receiver, ReceiverSettings, Recording};
 
 use crate::life::Life;
@@ -14,11 +16,15 @@ use crate::life::Life;
 /// What the crystals of two Cubes were off by, in 10⁻⁹.
 const CRYSTALS_PPB: [i32; 2] = [37_000, 44_000];
 
+/// The firmware's ids: the system in the last byte.
+const STANAG_ID: u32 = 0x0050_4300;
+
 /// What all boards share.
 pub struct Setup<'a> {
     options: &'a SimOptions,
     firmware: Firmware,
     recording: Option<Recording>,
+    stanag: Option<Place>,
     utc_at_start_ns: i64,
 }
 
@@ -38,8 +44,13 @@ impl<'a> Setup<'a> {
             Ok::<_, anyhow::Error>(Recording::new(&bytes)?)
         });
         let recording = recording.transpose().context("--ubx")?;
+        let stanag = options
+            .stanag
+            .as_deref()
+            .map(|place| place.parse::<Place>().map_err(anyhow::Error::msg));
         Ok(Self {
             options,
+            stanag: stanag.transpose().context("--stanag")?,
             firmware: Firmware::read(image).context("--image")?,
             recording,
             utc_at_start_ns: shared.start.map_or_else(host_utc, Ok)?.0,
@@ -67,6 +78,10 @@ impl<'a> Setup<'a> {
             .unique_id(unique_id)
             .crystal_ppb(crystal_ppb(index))
             .telem1(line);
+        let builder = match self.stanag_place(index) {
+            Some(place) => builder.telem2(StanagLine::join(place)?),
+            None => builder,
+        };
         let builder = match &self.recording {
             Some(recording) => builder.gps(recording.clone()),
             None => {
@@ -91,6 +106,15 @@ impl<'a> Setup<'a> {
             duration: self.options.shared.duration(),
             is_up: false,
         })
+    }
+
+    /// Where board `index` is: a multicast group has room for all, a unicast place for one.
+    fn stanag_place(&self, index: u16) -> Option<Place> {
+        let Place(mut address) = self.stanag?;
+        if !address.ip().is_multicast() {
+            address.set_port(address.port().wrapping_add(index));
+        }
+        Some(Place(address))
     }
 
     /// What runs, where it can be talked to, and what the columns mean.
@@ -119,6 +143,10 @@ impl<'a> Setup<'a> {
                 system_id(index),
                 crystal_ppb(index) / 1_000,
             ));
+            if let Some(place) = self.stanag_place(index) {
+                let id = NodeId(STANAG_ID | u32::from(system_id(index)));
+                lines.push(format!("         stanag:{place}/{id}"));
+            }
         }
         lines.push(
             match &options.ubx {

@@ -93,6 +93,7 @@
 //! | busy line | `discipline` | one mark | lag: a mark that waited 20 ms teaches no floor, 300 ms no number | refuses it; after 10 s of nothing else the least delayed set the clock, with their wait in the uncertainty |
 //! | source of the leap count | `second` | until resolved; each poll | a count out of the firmware, or of a restart | ±18 s in the uncertainty until the sky has said it |
 //! | votes | `second` | 5 marks | one label that is off | the second stays open |
+//! | silence of an open second | `second` | 4.5 s; 12 s | a restart with another leap count | votes prove nothing before the count was asked for again |
 //! | contradiction | `second` | 3 marks; 300 s | labels, a date or a leap count that changed | both numbers in the uncertainty; followed after 300 s without a pulse |
 //! | announced event | `second` | a day | a leap second, a receiver that is a second early | one step at the end of second 60 |
 //! | width and polarity | `train` | one pulse | inverted pulses, cameras, other modules | counts it |
@@ -105,7 +106,7 @@
 //! | first marks | `envelope` | 20 s | a late or early first mark, one wrong label | begins the line anew |
 //! | silence of a young line | `envelope` | 2 min | a line that ran on by a crystal of which little is known | begins anew |
 //! | early, late | `envelope` (`apart`) | 75 s; 240 s | labels that are off, a queue, a floor that moves | holds the marks off, then takes the floor for another latency |
-//! | still moving | `envelope` (`apart`) | twice that | ramps, a frequency learnt from one | not followed; the frequency is learnt anew |
+//! | still moving | `envelope` (`apart`) | twice that | ramps, a frequency learnt from one | not followed; the frequency is learnt anew, and the clock steps back to the floor |
 //! | wander | `envelope` (`wander`) | 8 min | floors that breathe | the frequency of many minutes, the scatter in the uncertainty |
 //! | step of the frequency | `envelope` | 2 s | a floor taken for a crystal | 4.8 ppm a minute at most, 110 ppm in all |
 //! | seconds of another length | `train` | 8 pulses | a crystal beyond 110 ppm, by the pulse | unset until pulses or blocks say otherwise |

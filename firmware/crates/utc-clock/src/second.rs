@@ -52,6 +52,12 @@ const WHOLE_NS: core::ops::RangeInclusive<i64> = -400_000_000..=150_000_000;
 /// A mark that is farther from the clock is none of this second. \[ns\]
 const NEAR_NS: u64 = 700_000_000;
 
+/// After so long without a mark that names a second the receiver may have been started anew, with
+/// another leap count: until it has been asked for that again, votes prove nothing.
+/// \[cycles\] 4.5 s, 12 s
+const SILENT: i64 = CORE_HZ as i64 * 9 / 2;
+const ASKED_AGAIN: u64 = 12 * CORE_HZ as u64;
+
 /// From one question for NAV-TIMELS to the next, until the count is believed and afterwards. \[s\]
 const ASK_S: u64 = 10;
 const ASK_RESOLVED_S: u64 = 600;
@@ -116,6 +122,9 @@ pub(crate) struct Second {
     contradiction: Option<Contradiction>,
     ask_at: Cycles,
     may_ask_at: Cycles,
+    /// When a mark last named a second, and from when on votes prove one.
+    named_at: Option<Cycles>,
+    votes_from: Cycles,
 }
 
 impl Second {
@@ -131,6 +140,8 @@ impl Second {
             contradiction: None,
             ask_at: Cycles::BOOT,
             may_ask_at: Cycles::BOOT,
+            named_at: None,
+            votes_from: Cycles::BOOT,
         }
     }
 
@@ -194,7 +205,12 @@ impl Second {
         let by_s = div_floor_second(residual_ns.saturating_add(LATE_NS));
         let rest_ns = residual_ns.wrapping_sub(by_s.wrapping_mul(SECOND_NS));
         let is_whole = by_s == 0 || WHOLE_NS.contains(&rest_ns);
+        let named_at = self.named_at.replace(at);
         if !self.is_proved {
+            if !self.is_configured && named_at.is_some_and(|named| at.since(named) > SILENT) {
+                self.votes_from = at.plus(ASKED_AGAIN);
+                self.votes = Votes::default();
+            }
             if !is_whole {
                 // A line that is fresh has to find itself first.
                 let is_near = residual_ns.unsigned_abs() < 2 * SECOND_NS as u64;
@@ -205,7 +221,7 @@ impl Second {
                 };
             }
             if self.count.is_some() {
-                return self.vote(by_s);
+                return self.vote(by_s, at >= self.votes_from);
             }
         }
         if !is_whole && residual_ns.unsigned_abs() < NEAR_NS {
@@ -258,7 +274,7 @@ impl Second {
         }
     }
 
-    fn vote(&mut self, by_s: i64) -> Judged {
+    fn vote(&mut self, by_s: i64, may_prove: bool) -> Judged {
         let votes = &mut self.votes;
         votes.all = votes.all.saturating_add(1);
         if votes.by_s == by_s {
@@ -273,7 +289,7 @@ impl Second {
             votes.agreeing -= 1;
         }
         let enough = u16::from(votes.agreeing) * 5 >= u16::from(votes.all) * 4;
-        if votes.agreeing >= VOTES - 1 && votes.all >= VOTES && enough {
+        if may_prove && votes.agreeing >= VOTES - 1 && votes.all >= VOTES && enough {
             let by_s = votes.by_s;
             self.is_proved = true;
             self.contradiction = None;

@@ -3,7 +3,8 @@
 //! *Design.* A place is judged by the boot record that it begins with, and not by the type that a
 //! table gives it: the entries of a master boot record, those of a GUID table, then block 0 itself,
 //! for a card without any table. Partitions for a computer's firmware (EFI) come last, because
-//! computers hide them. If there is no usable volume, the reason that says most is returned.
+//! computers hide them. A GUID table that was made over a volume which is a little longer, up to the
+//! table's copy at the card's end, is right about what is the volume's: its partition cuts it. If there is no usable volume, the reason that says most is returned.
 //!
 //! *Limits.* Logical drives in an extended partition are not looked for.
 
@@ -44,7 +45,7 @@ pub(crate) fn find(disk: &mut dyn Disk) -> Result<Volume, NotSaved> {
         first: 0,
         blocks: search.disk.blocks(),
     };
-    let volume = search.at(whole)?;
+    let volume = search.at(whole, false)?;
     volume.ok_or(search.why)
 }
 
@@ -55,9 +56,9 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The volume that begins there, if it can be used.
-    fn at(&mut self, place: Stretch) -> Result<Option<Volume>, NotSaved> {
-        match Volume::at(self.disk, place) {
+    /// The volume that begins there, if it can be used; with `is_cut`, as far as its place goes.
+    fn at(&mut self, place: Stretch, is_cut: bool) -> Result<Option<Volume>, NotSaved> {
+        match Volume::at(self.disk, place, is_cut) {
             Ok(volume) => Ok(Some(volume)),
             Err(why) if why.is_of_the_card() => Err(why),
             Err(why) => {
@@ -77,7 +78,7 @@ impl Search<'_> {
                 _ if place.first == 0 || EXTENDED.contains(&kind) || of_efi != (kind == EFI) => {
                     None
                 }
-                _ => self.at(place)?,
+                _ => self.at(place, false)?,
             };
             let Some(volume) = found else { continue };
             if is_alone(record, index, volume.stretch()) {
@@ -118,7 +119,7 @@ impl Search<'_> {
             let is_one = first > 1 && last >= first && beyond == 0;
             if is_one
                 && of_efi == (kind == EFI_WORD)
-                && let Some(volume) = self.at(Stretch { first, blocks })?
+                && let Some(volume) = self.at(Stretch { first, blocks }, true)?
             {
                 return Ok(Some(volume));
             }

@@ -49,12 +49,13 @@ pub(crate) struct Volume {
 }
 
 impl Volume {
-    /// The volume that fills `place` or its beginning.
+    /// The volume that fills `place` or its beginning. With `is_cut` it may be longer, up to the
+    /// card's end: it then has no clusters but those in its place.
     ///
     /// # Errors
     ///
     /// Why there is none that can be used.
-    pub(crate) fn at(disk: &mut dyn Disk, place: Stretch) -> Result<Self, NotSaved> {
+    pub(crate) fn at(disk: &mut dyn Disk, place: Stretch, is_cut: bool) -> Result<Self, NotSaved> {
         let card = disk.blocks();
         if place.first >= card {
             return Err(NotSaved::NoFileSystem);
@@ -63,10 +64,15 @@ impl Volume {
         disk.read(place.first, &mut block)?;
         let kind = kind(disk, place.first, &block)?;
         kind.map_or(Ok(()), Err)?;
-        let volume = Self::parse(&block, place.first)?;
+        let mut volume = Self::parse(&block, place.first)?;
         let room = place.blocks.min(card - place.first);
         if volume.blocks > room {
-            return Err(NotSaved::Beyond);
+            let before_data = volume.data - volume.first;
+            if !is_cut || volume.blocks > card - place.first || room <= before_data {
+                return Err(NotSaved::Beyond);
+            }
+            volume.blocks = room;
+            volume.clusters = (room - before_data) / volume.blocks_per_cluster;
         }
         if volume.has_32_bits {
             volume.compare_backup(disk, &block)?;

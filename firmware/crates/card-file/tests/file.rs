@@ -103,6 +103,54 @@ fn a_number_is_never_given_twice_and_behind_the_last_one_come_those_left_out() {
     }
 }
 
+/// Puts a GUID table with one partition over a card's master boot record.
+fn with_guid_table(image: &mut [u8], last: u32) {
+    let put = |image: &mut [u8], block: usize, at: usize, bytes: &[u8]| {
+        image[block * BLOCK + at..][..bytes.len()].copy_from_slice(bytes);
+    };
+    image[446..510].fill(0);
+    put(image, 0, 450, &[0xEE]);
+    put(image, 0, 454, &[1, 0, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF]);
+    put(image, 1, 0, b"EFI PART");
+    put(image, 1, 72, &2_u64.to_le_bytes());
+    put(image, 1, 80, &[128, 0, 0, 0, 128, 0, 0, 0]);
+    put(image, 2, 0, &[0xA2, 0xA0, 0xD0, 0xEB]);
+    put(image, 2, 32, &(FIRST as u64).to_le_bytes());
+    put(image, 2, 40, &u64::from(last).to_le_bytes());
+}
+
+#[test]
+fn a_partition_of_a_guid_table_cuts_a_volume_that_is_longer() {
+    let whole = fat_image::formatted(Kind::Fat32);
+    let blocks = (whole.len() / BLOCK) as u32;
+    let last = blocks - 2_100;
+    let mut disk = RamDisk::new(whole);
+    with_guid_table(&mut disk.image, last);
+    let behind = (last as usize + 1) * BLOCK;
+    disk.image[behind..].fill(0xA5);
+    let before = disk.image.clone();
+    assert_eq!(save_on(&mut disk, 40_000), Ok(1));
+    assert!(disk.image[behind..] == before[behind..]);
+    // All of what is inside, and nothing more.
+    let mut saved = 1;
+    while save_on(&mut disk, 4_000_000).is_ok() {
+        saved += 1;
+    }
+    assert!(saved > 2, "{saved}");
+    while save_on(&mut disk, 4_000).is_ok() {}
+    assert_eq!(save_on(&mut disk, 4_000), Err(NotSaved::NoRoom));
+    assert!(disk.image[behind..] == before[behind..]);
+    // One that has no room for the tables, or a volume that is longer than the card, is refused.
+    for (blocks_of_it, cut) in [(9, 0), (2_000, 4_000)] {
+        let mut image = before.clone();
+        with_guid_table(&mut image, FIRST as u32 + blocks_of_it);
+        image.truncate(image.len() - cut * BLOCK);
+        let mut disk = RamDisk::new(image);
+        assert_eq!(save_on(&mut disk, 4_000), Err(NotSaved::Beyond));
+        assert_eq!(disk.first_written, usize::MAX);
+    }
+}
+
 /// A card with `free` bytes free, at its beginning, and a hint at its end.
 fn nearly_full(kind: Kind, free: usize) -> Vec<u8> {
     let mut image = fat_image::formatted(kind);

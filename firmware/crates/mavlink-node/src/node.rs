@@ -287,13 +287,8 @@ impl Node {
                     Ok(Order::Describe(what)) if !self.replies.is_known(what) => {
                         command.meaning = Err(Refusal::NotYet);
                     }
-                    Ok(Order::Test(Test::Begins)) => self.log.end(),
                     Ok(Order::Describe(what)) => self.replies.want(what, version),
-                    Ok(
-                        Order::Test(Test::Ends | Test::SavesAgain | Test::StopsSaving)
-                        | Order::Bootloader,
-                    )
-                    | Err(_) => {}
+                    Ok(Order::Test(_) | Order::Bootloader) | Err(_) => {}
                 }
                 return Some(RequestKind::Command(command));
             }
@@ -416,7 +411,13 @@ impl Node {
                 };
                 self.sender.message(version, &answer)
             }
-            RequestKind::Command(command) => command.ack(&mut self.sender, version, from),
+            RequestKind::Command(command) => {
+                // A *begin* that was refused leaves the log, and so its transfer, as it was.
+                if command.meaning == Ok(Order::Test(Test::Begins)) {
+                    self.log.end();
+                }
+                command.ack(&mut self.sender, version, from)
+            }
             RequestKind::EraseLog => self.statustext(Severity::Notice, "log erased"),
         }
     }

@@ -31,7 +31,7 @@ fn error_ns(clock: &ClockReading) -> i64 {
 }
 
 /// A board on a receiver like `settings`, its pulse on AUX5.
-fn board(firmware: Firmware, settings: &ReceiverSettings) -> Pixhawk {
+pub(crate) fn board(firmware: Firmware, settings: &ReceiverSettings) -> Pixhawk {
     Builder::new(firmware)
         .crystal_ppb(37_000)
         .gps_and_pulse(Receiver::new(settings.clone()))
@@ -41,7 +41,7 @@ fn board(firmware: Firmware, settings: &ReceiverSettings) -> Pixhawk {
 
 /// Runs `board` to `end_s`, and reads its clock twice a second: each reading of a clock that is
 /// set holds the truth within its own uncertainty.
-fn readings(board: &mut Pixhawk, end_s: u64) -> Vec<ClockReading> {
+pub(crate) fn readings(board: &mut Pixhawk, end_s: u64) -> Vec<ClockReading> {
     let mut clocks = Vec::new();
     for n in 0.. {
         // Not always at the same phase of the second.
@@ -89,7 +89,7 @@ fn assert_close(clocks: &[ClockReading]) {
 }
 
 /// The value of `key` in the last status line of `log`; 0 if it is not there.
-fn status(log: &[Logged], key: &str) -> u64 {
+pub(crate) fn status(log: &[Logged], key: &str) -> u64 {
     let line = log
         .iter()
         .rfind(|logged| logged.line.text.starts_with("status "));

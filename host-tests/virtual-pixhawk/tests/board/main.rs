@@ -31,6 +31,8 @@ mod paper;
 #[cfg(test)]
 mod pulse;
 #[cfg(test)]
+mod receivers;
+#[cfg(test)]
 mod status;
 #[cfg(test)]
 mod steering;

@@ -111,6 +111,7 @@ pub fn bring_up() -> Hardware {
 /// Gives each interrupt its place in [`priorities`]; SysTick and PendSV have theirs.
 fn set_priorities(nvic: &mut NVIC) {
     for (interrupt, priority) in [
+        (Interrupt::TIM5, priorities::WATCH),
         (Interrupt::UART4, priorities::SERIAL),
         (Interrupt::USART2, priorities::SERIAL),
         (Interrupt::USART3, priorities::SERIAL),

@@ -7,6 +7,7 @@
 //! | an exception or interrupt without a handler | the core |
 //! | the crystal failed | the clock security system's NMI, or the start |
 //! | a task that did not come by | [`supervision`](crate::supervision) |
+//! | a tick or an alarm that stopped | [`time`](crate::drivers::time), by the witness; where interrupts are masked, the watchdog |
 //!
 //! *Design.* Nothing of the running system is trusted. Interrupts are off, the stack is another one, the
 //! LED is set by its registers. First the LED is lit, then the record is written, and the log comes
@@ -188,6 +189,13 @@ pub fn task_stopped(which: Hang, sp: u32) -> ! {
     cortex_m::interrupt::disable();
     let (place, registers) = interrupted(sp);
     end(Reason::Task(which), place, registers)
+}
+
+/// Ends the run because tick or alarm stopped; `sp` is where the exception that found this has its frame.
+pub extern "C" fn alarm_stopped(sp: u32) -> ! {
+    cortex_m::interrupt::disable();
+    let (place, registers) = interrupted(sp);
+    end(Reason::Watchdog, place, registers)
 }
 
 /// Stops the board for a `reason` that is recorded already.

@@ -32,6 +32,9 @@ pub const TICK: u8 = match VARIANT {
     Variant::Pixclock { .. } | Variant::PaperStep2 { .. } => 0x00,
     Variant::PaperDefault | Variant::PaperStep1 | Variant::PaperTickOnly { .. } => NUTTX,
 };
+/// TIM5, which finds that the tick or the alarm has stopped: above all that may have stopped them, but for
+/// the tick's own handler, and seldom enough to disturb nobody.
+pub const WATCH: u8 = 0x00;
 /// UART4, USART2 and USART3, which stamp and store bytes.
 pub const SERIAL: u8 = ours_or(0x10, if cfg!(loaded) { NUTTX - 0x10 } else { NUTTX });
 /// PendSV, which wakes tasks for due timers and for bytes in their ring.

@@ -157,7 +157,8 @@ impl Disk for Timed<'_> {
 
 fn disk_error(error: CardError) -> DiskError {
     match error {
-        CardError::Bus(BusError::Silent) | CardError::Changed => DiskError::Gone,
+        CardError::Bus(BusError::Silent) => DiskError::Gone,
+        CardError::Changed => DiskError::Swapped,
         CardError::WriteProtected => DiskError::WriteProtected,
         CardError::Beyond => DiskError::Beyond,
         CardError::Bus(_) | CardError::Refused(_) | CardError::Busy => DiskError::Failed,

@@ -174,11 +174,19 @@ pub fn log(prefix: &str, record: &Record) {
             address(place),
             up_ms
         ),
-        Reason::Watchdog => defmt::error!(
-            "{=str}the watchdog was not fed: tick or interrupts stopped, after {=u32} ms",
-            prefix,
-            up_ms
-        ),
+        Reason::Watchdog => match place {
+            Place::Instruction(address) => defmt::error!(
+                "{=str}the tick stopped; found at {=u32:#010x}, after {=u32} ms",
+                prefix,
+                address,
+                up_ms
+            ),
+            _ => defmt::error!(
+                "{=str}the watchdog was not fed: tick or interrupts stopped, after {=u32} ms",
+                prefix,
+                up_ms
+            ),
+        },
     }
     if registers != Registers::default() {
         let [r0, r1, r2, r3] = registers.r;

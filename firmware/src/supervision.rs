@@ -6,7 +6,8 @@
 //! has missed [`PATIENCE`] looks in a row ends the run, with its name. Looks are counted and not time, so that a
 //! core that stood still, in a debugger or because an emulator's host was busy, has done nothing wrong.
 //!
-//! *Limits.* What stops the alarm itself is found by the watchdog alone, within 1.5 s, and has no place.
+//! *Limits.* What stops the alarm itself is found by [`time`](crate::drivers::time) within 50 ms; if it masks interrupts, by the
+//! watchdog alone, within 1.5 s, without a place.
 
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering::Relaxed};
 

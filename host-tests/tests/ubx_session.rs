@@ -434,6 +434,7 @@ fn leap_seconds_come_when_they_are_wanted_and_say_when_they_are_known() {
         leap: LeapKnowledge {
             built_with: 16,
             resolved_ns: 25 * SECOND,
+            ..LeapKnowledge::RESOLVED
         },
         ..factory(9_600)
     });

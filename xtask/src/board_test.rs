@@ -69,6 +69,11 @@ pub fn run(paces: &[String], arguments: &[String]) -> Result<()> {
         };
         tests.env(name, built(image)?);
     }
+    let for_radio = image::build(Build {
+        for_radio: true,
+        ..Build::standard(Board::Pixhawk1)
+    })?;
+    tests.env("PIXCLOCK_IMAGE_TELEM1_57600BD", for_radio);
     tests.env("PIXCLOCK_BOOTLOADER", image::build_bootloader()?);
     tests.env("PIXCLOCK_XTASK", std::env::current_exe()?);
     match venv::with("uploader-venv", "autopilot_tools", &[&UPLOADER]) {

@@ -45,6 +45,8 @@ pub struct Build {
     pub bench: bool,
     /// TELEM2 speaks STANAG 4586.
     pub stanag: bool,
+    /// TELEM1 at the rate that a SiK radio has out of its box, 57600 Bd.
+    pub for_radio: bool,
 }
 
 impl Build {
@@ -55,6 +57,7 @@ impl Build {
             image: Image::STANDARD,
             bench: false,
             stanag: false,
+            for_radio: false,
         }
     }
 }
@@ -76,6 +79,9 @@ impl fmt::Display for Build {
         }
         if let Some(load) = load {
             write!(f, "-load-{}", load.to_string().replace(',', "-"))?;
+        }
+        if self.for_radio {
+            write!(f, "-radio")?;
         }
         if self.bench {
             write!(f, "-bench")?;
@@ -137,6 +143,9 @@ pub fn build(build: Build) -> Result<PathBuf> {
     let mut cargo = cargo();
     if let Some(load) = load {
         cargo.env("PIXCLOCK_LOAD", load.to_string());
+    }
+    if build.for_radio {
+        cargo.env("PIXCLOCK_MAVLINK_BAUD", "57600");
     }
     run(cargo
         .args(["build", "--quiet", "--release", "--package", "firmware"])

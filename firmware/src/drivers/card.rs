@@ -346,8 +346,11 @@ fn wait(bus: &mut Sdio, found: &Found) -> Result<(), CardError> {
     within(BUSY_US, || {
         match bus.command(command::SEND_STATUS, found.address) {
             Ok(status) => match accept(status) {
-                Ok(()) if status & STATE_AND_READY != WAITS => None,
-                other => Some(other),
+                Ok(()) if status & STATE_AND_READY == WAITS => Some(Ok(())),
+                Ok(()) if status & STATE >= WAITS & STATE => None,
+                // It was not selected: it has lost its power, or is another one.
+                Ok(()) => Some(Err(CardError::Refused(status))),
+                error => Some(error),
             },
             Err(error) => Some(Err(error.into())),
         }

@@ -50,6 +50,22 @@ impl Pixhawk {
         self.probe().push(Poke::Word(address, value));
     }
 
+    /// Writes a word of the static `name`, `offset` bytes behind its start, before the core goes on.
+    ///
+    /// # Errors
+    ///
+    /// The image has no such static, or it is shorter.
+    pub fn set_word(&mut self, name: &str, offset: u32, value: u32) -> anyhow::Result<()> {
+        let place = self.firmware().symbol(name)?;
+        ensure!(
+            u64::from(place.size) >= u64::from(offset) + 4,
+            "{name} is shorter than that"
+        );
+        let bytes = value.to_le_bytes().to_vec();
+        self.probe().push(Poke::Code(place.address + offset, bytes));
+        Ok(())
+    }
+
     /// Replaces the beginning of the function `name` by these instructions, in the board's flash; what was
     /// there.
     ///

@@ -11,7 +11,7 @@
 //! reported epochs and nothing else.
 //!
 //! *Limits.* A faulty receiver's epochs keep to the grid of true UTC: what it reports
-//! is off the grid by its error. No leap second happens in this world.
+//! is off the grid by its error. A leap second is such an error, for ever.
 
 use crate::faults::{Stall, TimeFault, drifted_ns, time_error_ns};
 use crate::latency::LatencySource;

@@ -248,12 +248,17 @@ impl Receiver {
             (_, _, []) if (class, id) == ubx::NAV_TIMELS => {
                 let ready = now.plus(ANSWER_NS);
                 let is_resolved = ready >= self.settings.leap_resolved();
+                let event = self.settings.leap.second_60_ends();
+                let is_over = event.is_some_and(|end| ready >= end);
                 let count = if is_resolved {
-                    ubx::GPS_MINUS_UTC_S as i8
+                    ubx::GPS_MINUS_UTC_S as i8 + i8::from(is_over)
                 } else {
                     self.settings.leap.built_with
                 };
-                let payload = ubx::nav_timels_payload(self.utc_ns(ready), count, is_resolved);
+                // It has a second's resolution, and is 0 from the second 60 on.
+                let in_s = event.map(|end| end.0.saturating_sub(ready.0) / NS_PER_S.unsigned_abs());
+                let in_s = in_s.filter(|_| is_resolved && !is_over);
+                let payload = ubx::nav_timels_payload(self.utc_ns(ready), count, is_resolved, in_s);
                 self.queue(now, self.port().baud, &ubx::frame(class, id, &payload));
             }
             _ => {}

@@ -140,6 +140,9 @@ pub struct LeapKnowledge {
     /// How long after the world's start it has the count from the sky, and not before the cold
     /// start is over. Until then its UTC is off by what the other count is. \[ns\]
     pub resolved_ns: u64,
+    /// When a second 60 begins that NAV-TIMELS announces from the start. Its label is that of the second
+    /// behind it, as POSIX has it; from its end on all labels are a second less than the world's UTC.
+    pub second_60: Option<WorldNanos>,
 }
 
 impl LeapKnowledge {
@@ -147,7 +150,13 @@ impl LeapKnowledge {
     pub const RESOLVED: Self = Self {
         built_with: 18,
         resolved_ns: 0,
+        second_60: None,
     };
+
+    /// From then on a second 60 is over.
+    pub(crate) fn second_60_ends(&self) -> Option<WorldNanos> {
+        self.second_60.map(|at| at.plus(1_000_000_000))
+    }
 }
 
 /// What a receiver is like.
@@ -232,6 +241,9 @@ impl ReceiverSettings {
         let before = TimeFault::jump(WorldNanos(0), ahead_s * 1_000_000_000);
         let mut faults = self.time_faults.clone();
         faults.push(before.until(self.leap_resolved()));
+        if let Some(end) = self.leap.second_60_ends() {
+            faults.push(TimeFault::jump(end, -1_000_000_000));
+        }
         faults
     }
 }

@@ -235,9 +235,15 @@ pub fn tim_tp_payload(pulse_utc_ns: i64, late_ps: i32) -> [u8; TIM_TP_LEN] {
 }
 
 /// A NAV-TIMELS payload at `utc_ns`: `count` leap seconds, as the GPS satellites send (source 2) or as
-/// the firmware has it (source 0, not valid). No event is known.
+/// the firmware has it (source 0, not valid). A second 60 is announced that begins, and with it the
+/// count's change, in so many seconds.
 #[must_use]
-pub fn nav_timels_payload(utc_ns: i64, count: i8, is_from_sky: bool) -> [u8; NAV_TIMELS_LEN] {
+pub fn nav_timels_payload(
+    utc_ns: i64,
+    count: i8,
+    is_from_sky: bool,
+    second_60_in_s: Option<u64>,
+) -> [u8; NAV_TIMELS_LEN] {
     let of_gps_ms = utc_ns.div_euclid(1_000_000) - (GPS_ORIGIN_S - GPS_MINUS_UTC_S) * 1_000;
     let itow = of_gps_ms.rem_euclid(MS_PER_WEEK) as u32;
     let mut payload = [0; NAV_TIMELS_LEN];
@@ -245,6 +251,14 @@ pub fn nav_timels_payload(utc_ns: i64, count: i8, is_from_sky: bool) -> [u8; NAV
     payload[8] = if is_from_sky { 2 } else { 0 };
     payload[9] = count.cast_unsigned();
     payload[23] = u8::from(is_from_sky);
+    if let Some(in_s) = second_60_in_s {
+        let in_s = i32::try_from(in_s).unwrap_or(i32::MAX);
+        // The satellites' word, of one second more.
+        payload[10] = 2;
+        payload[11] = 1;
+        payload[12..16].copy_from_slice(&in_s.to_le_bytes());
+        payload[23] |= 2;
+    }
     payload
 }
 

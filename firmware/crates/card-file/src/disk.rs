@@ -9,8 +9,10 @@ pub const BLOCK: usize = 512;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum DiskError {
-    /// The card does not answer any more, or is another one.
+    /// The card does not answer any more.
     Gone,
+    /// Another card has taken its place.
+    Swapped,
     /// The card is write-protected.
     WriteProtected,
     /// The card has no such block.
@@ -46,7 +48,8 @@ pub trait Disk {
 impl fmt::Display for DiskError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(match self {
-            Self::Gone => "the card is gone, or another one has been put in",
+            Self::Gone => "the card is gone",
+            Self::Swapped => "another card has been put in",
             Self::WriteProtected => "the card is write-protected",
             Self::Beyond => "the card has no such block",
             Self::TooSlow => "the card takes too long",

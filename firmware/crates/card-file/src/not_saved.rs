@@ -37,8 +37,10 @@ pub enum NotSaved {
     NoEntry,
     /// Each number is in a name already.
     NoNumber,
-    /// The card is gone, or another one has been put in.
+    /// The card is gone.
     Gone,
+    /// Another card has taken its place meanwhile.
+    Swapped,
     /// The card fails.
     Failed,
     /// The card took blocks and gave other ones back.
@@ -71,6 +73,7 @@ impl NotSaved {
             Self::NoEntry => "no_entry",
             Self::NoNumber => "no_number",
             Self::Gone => "gone",
+            Self::Swapped => "swapped",
             Self::Failed => "failed",
             Self::NotKept => "not_kept",
             Self::TooSlow => "too_slow",
@@ -99,6 +102,7 @@ impl NotSaved {
             Self::NoEntry => "root is full: move files to folders",
             Self::NoNumber => "all numbers taken: move TEST files",
             Self::Gone => "card was pulled: put it in again",
+            Self::Swapped => "card was swapped: save again",
             Self::Failed => "card fails: use another one",
             Self::NotKept => "card kept nothing: use another one",
             Self::TooSlow => "card is too slow: use another one",
@@ -121,7 +125,12 @@ impl NotSaved {
     pub(crate) const fn is_of_the_card(self) -> bool {
         matches!(
             self,
-            Self::WriteProtected | Self::Gone | Self::Failed | Self::TooSlow | Self::Stopped
+            Self::WriteProtected
+                | Self::Gone
+                | Self::Swapped
+                | Self::Failed
+                | Self::TooSlow
+                | Self::Stopped
         )
     }
 }
@@ -138,6 +147,7 @@ impl From<DiskError> for NotSaved {
     fn from(error: DiskError) -> Self {
         match error {
             DiskError::Gone => Self::Gone,
+            DiskError::Swapped => Self::Swapped,
             DiskError::WriteProtected => Self::WriteProtected,
             DiskError::Beyond => Self::Beyond,
             DiskError::TooSlow => Self::TooSlow,
@@ -169,6 +179,7 @@ mod tests {
             NotSaved::NoEntry,
             NotSaved::NoNumber,
             NotSaved::Gone,
+            NotSaved::Swapped,
             NotSaved::Failed,
             NotSaved::NotKept,
             NotSaved::TooSlow,

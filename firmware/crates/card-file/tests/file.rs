@@ -190,6 +190,7 @@ fn a_card_that_fails_at_any_block_says_so_and_keeps_its_other_files() {
         let before = fat_image::files(&image);
         let errors = [
             (DiskError::Gone, NotSaved::Gone),
+            (DiskError::Swapped, NotSaved::Swapped),
             (DiskError::Failed, NotSaved::Failed),
             (DiskError::WriteProtected, NotSaved::WriteProtected),
         ];

@@ -137,6 +137,7 @@ fn restarted(reason: Reason, place: Place) -> Text {
             let _ = text.push_str("the task stopped: ");
             text.push_str(story::task_name(which))
         }
+        (Reason::Watchdog, Place::Instruction(_)) => text.push_str("the tick stopped"),
         (Reason::Watchdog, _) => text.push_str("the watchdog was not fed"),
     };
     text

@@ -218,6 +218,7 @@ fn a_leap_count_that_comes_late_is_in_the_uncertainty_until_then() {
         leap: LeapKnowledge {
             built_with: 16,
             resolved_ns: 45 * SECOND,
+            ..LeapKnowledge::RESOLVED
         },
         ..receiver_settings()
     };

@@ -22,6 +22,14 @@ const ICSR: u32 = 0xE000_ED04;
 const ALARM: &str = "firmware::start::on_alarm";
 /// Runs within the status line's frame.
 const IN_A_FRAME: &str = "firmware::tasks::status::count";
+/// The control block of the log, and in it the offsets of the board and the probe, and the flags.
+const RTT: &str = "_SEGGER_RTT";
+const RTT_SIZE: u32 = 16 * 1_024;
+const RTT_WRITE: usize = 36;
+const RTT_READ: u32 = 40;
+const RTT_FLAGS: u32 = 44;
+/// `SEGGER_RTT_MODE_BLOCK_IF_FULL`.
+const BLOCK_IF_FULL: u32 = 2;
 /// Takes the peripherals, which is possible once.
 const MAIN: &str = "firmware::start::__cortex_m_rt_main";
 
@@ -29,6 +37,10 @@ const MAIN: &str = "firmware::start::__cortex_m_rt_main";
 const UNDEFINED: u16 = 0xDE00;
 /// `bx lr`: a function that does nothing.
 const RETURN: u16 = 0x4770;
+/// Stays where it is, for ever.
+const STAYS: u16 = 0xE7FE;
+/// Masks all interrupts, and stays where it is.
+const MASKED_FOR_EVER: [u16; 2] = [0xB672, 0xE7FE];
 /// Stores below SRAM, at 0x1FFF_FFFC, where no memory is.
 const STORE_TO_NOWHERE: [u16; 4] = [0x2020, 0x0600, 0x3804, 0x6000];
 /// Where no memory is, as a chip has it.
@@ -104,6 +116,13 @@ fn ended_group(board: &mut Pixhawk, limit: WorldNanos) -> Option<WorldNanos> {
         board.run_for(LOOK).unwrap();
     }
     None
+}
+
+/// Runs until the LED is dark: what is found a little later would lengthen a flash of before.
+fn wait_for_dark(board: &mut Pixhawk) {
+    while is_lit(board) {
+        board.run_for(LOOK).unwrap();
+    }
 }
 
 /// `b.w` has not the range everywhere: r0 is loaded with the address, and jumped to.
@@ -190,10 +209,11 @@ fn judge(
     assert!(board.restarts().unwrap().is_empty());
     board.take_log().unwrap();
     let patched = provoke(&mut board);
+    let provoked = board.now();
     if let Some(within) = is_shown_within {
-        let began = ended_group(&mut board, PROVOKED.plus(within + SECOND));
+        let began = ended_group(&mut board, provoked.plus(within + SECOND));
         let began = began.unwrap_or_else(|| panic!("{text}: no group of flashes"));
-        let after = began.0 - PROVOKED.0;
+        let after = began.0 - provoked.0;
         assert!(after <= within + 2 * LOOK, "{text}: {} ms", after / MS);
     } else {
         board.run_for(is_over_within).unwrap();
@@ -202,7 +222,7 @@ fn judge(
         // Only the first run meets it.
         board.patch(&name, &before).unwrap();
     }
-    board.run_to(PROVOKED.plus(is_over_within + LOOK)).unwrap();
+    board.run_to(provoked.plus(is_over_within + LOOK)).unwrap();
     let restarts = board.restarts().unwrap();
     assert_eq!(restarts.len(), 1, "{text}: {restarts:?}");
     board.run_to(WorldNanos(8 * SECOND)).unwrap();
@@ -289,6 +309,8 @@ fn a_panic_is_shown_and_reported_with_its_line() {
     board.run_for(50 * MS).unwrap();
     assert!(is_lit(&mut board));
     board.patch(ALARM, &before).unwrap();
+    board.run_to(PROVOKED.plus(2 * SECOND)).unwrap();
+    assert_eq!(board.restarts().unwrap().len(), 1);
     board.run_to(WorldNanos(8 * SECOND)).unwrap();
     assert_eq!(board.restarts().unwrap().len(), 1);
     let log = board.take_log().unwrap();
@@ -425,7 +447,46 @@ fn a_task_that_stops_is_found_shown_and_reported() {
 }
 
 #[test]
-fn a_tick_that_stops_is_reported_after_the_watchdog() {
+fn the_papers_task_that_stops_is_found_shown_and_reported() {
+    let variable = "PIXCLOCK_IMAGE_PAPER_STEP1";
+    let Some(firmware) = Firmware::from_variable(variable).unwrap() else {
+        return;
+    };
+    let case = Case {
+        at_once: Some("the GNSS task stopped".to_owned()),
+        later: "the GNSS task stopped".to_owned(),
+        text: "the task stopped: GNSS".to_owned(),
+        number: 5.0,
+    };
+    let times = (Some(1_100 * MS), 2 * SECOND + 100 * MS);
+    judge(&firmware, &case, times, patches(&task("paper"), &[RETURN]));
+}
+
+#[test]
+fn a_tick_that_stops_is_shown_and_reported_with_what_ran_instead() {
+    let Some(firmware) = image() else { return };
+    let case = Case {
+        at_once: Some("the tick stopped; found at 0x".to_owned()),
+        later: "the tick stopped; found at 0x".to_owned(),
+        text: "the tick stopped".to_owned(),
+        number: 6.0,
+    };
+    judge(&firmware, &case, SHOWN, |board| {
+        wait_for_dark(board);
+        board.poke_core(SYST_CSR, 0);
+        None
+    });
+    // The same of what keeps the core from the tasks, and has the tick running.
+    judge(&firmware, &case, SHOWN, |board| {
+        wait_for_dark(board);
+        patches(ALARM, &[STAYS])(board)
+    });
+}
+
+/// With all interrupts masked nothing is left that could light the LED: the one case that waits for the
+/// watchdog.
+#[test]
+fn what_masks_all_interrupts_is_reported_after_the_watchdog() {
     let Some(firmware) = image() else { return };
     let case = Case {
         at_once: None,
@@ -433,9 +494,29 @@ fn a_tick_that_stops_is_reported_after_the_watchdog() {
         text: "the watchdog was not fed".to_owned(),
         number: 6.0,
     };
-    judge(&firmware, &case, (None, 2 * SECOND), |board| {
-        board.poke_core(SYST_CSR, 0);
-        None
+    let times = (None, 2 * SECOND);
+    judge(&firmware, &case, times, patches(ALARM, &MASKED_FOR_EVER));
+}
+
+#[test]
+fn a_fault_is_shown_though_the_log_is_full_and_asked_to_wait_for_a_probe_that_is_gone() {
+    let Some(firmware) = image() else { return };
+    let at = firmware.symbol(ALARM).unwrap().address;
+    let case = Case {
+        at_once: Some(format!("hard fault at {at:#010x}")),
+        later: format!("hard fault at {at:#010x}"),
+        text: format!("hard fault at {at:#010x}"),
+        number: 2.0,
+    };
+    judge(&firmware, &case, SHOWN, |board| {
+        let block = board.read(RTT).unwrap();
+        let write = u32::from_le_bytes(*block[RTT_WRITE..].first_chunk().unwrap());
+        // As a probe leaves it that was pulled: no room but for what the last words give up.
+        board.set_word(RTT, RTT_FLAGS, BLOCK_IF_FULL).unwrap();
+        board
+            .set_word(RTT, RTT_READ, (write + 1) % RTT_SIZE)
+            .unwrap();
+        patches(ALARM, &[UNDEFINED])(board)
     });
 }
 

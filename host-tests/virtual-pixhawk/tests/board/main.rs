@@ -5,6 +5,8 @@
 //! test here is skipped, with a line that names it.
 
 #[cfg(test)]
+mod asked;
+#[cfg(test)]
 mod boot;
 #[cfg(test)]
 mod card;
@@ -30,6 +32,8 @@ mod masks;
 mod paper;
 #[cfg(test)]
 mod pulse;
+#[cfg(test)]
+mod radio;
 #[cfg(test)]
 mod receivers;
 #[cfg(test)]

@@ -13,6 +13,9 @@ use world::{
     LeapKnowledge, LeftOn, Port, Receiver, ReceiverSettings, Recording, Talker, WorldNanos, ubx,
 };
 
+/// Messages that are switched off before they come.
+const IN_ADVANCE: u32 = 19;
+
 #[test]
 fn a_receiver_is_found_and_configured_at_any_rate() {
     found_and_configured(BAUD);
@@ -44,7 +47,7 @@ fn found_and_configured(ours: u32) {
             let accepted = if baud == ours { 6 } else { 7 };
             assert_eq!(
                 (counters.rounds, counters.accepted),
-                (1, accepted),
+                (1, accepted + IN_ADVANCE),
                 "from {baud}"
             );
             let saved = Port {
@@ -79,7 +82,9 @@ fn a_receiver_at_our_rate_never_sees_another() {
     assert_eq!(board.tuned, []);
     assert_eq!(board.session.counters().attempts, 1);
     // Two polls and the six settings, once: 9 + 8 + 28 + 40 + 14 + 11 + 44 + 11 bytes.
-    assert_eq!(board.sent_bytes, 165);
+    // And what is switched off in advance: the notices, and the others with 11 bytes each.
+    let in_advance = 18 + 11 * (IN_ADVANCE as usize - 1);
+    assert_eq!(board.sent_bytes, 165 + in_advance);
 }
 
 #[test]
@@ -124,7 +129,7 @@ fn forecasts_come_as_long_as_they_are_wanted() {
     }
     assert!(board.session.is_done());
     let counters = board.session.counters();
-    assert_eq!((counters.rounds, counters.accepted), (1, 10));
+    assert_eq!((counters.rounds, counters.accepted), (1, 10 + IN_ADVANCE));
 
     // A receiver that restarts is configured again.
     let mut restarted = Receiver::new(factory(9_600));
@@ -181,7 +186,7 @@ fn a_receiver_that_sends_and_does_not_receive_is_left_at_its_rate() {
     let expected = SessionCounters {
         rounds: 1,
         attempts: 1,
-        unanswered: 7 * u32::from(Session::TRIES),
+        unanswered: 7 * u32::from(Session::TRIES) + IN_ADVANCE,
         ..SessionCounters::default()
     };
     assert_eq!(board.session.counters(), expected);
@@ -231,9 +236,12 @@ fn a_refusal_is_counted_and_the_session_goes_on() {
     let messages = polls
         .chain(thrice)
         .map(|setting| setting.message(Generation::Messages));
-    assert_eq!(seen, messages.collect::<Vec<_>>());
+    // What is switched off in advance is asked for once, and is not named: the receiver may not know it.
+    let in_advance = [(0x06, 0x02)].into_iter();
+    let in_advance = in_advance.chain((1..IN_ADVANCE).map(|_| (0x06, 0x01)));
+    assert_eq!(seen, messages.chain(in_advance).collect::<Vec<_>>());
     assert_eq!(reported, refused);
-    assert_eq!(session.counters().refused, 18);
+    assert_eq!(session.counters().refused, 18 + IN_ADVANCE);
     assert_eq!(session.pulse_width_us(), None);
     // What was refused is not asked for again, but for another wish.
     assert_eq!(session.poll(now), None);
@@ -260,6 +268,12 @@ fn with_raw_data() -> ReceiverSettings {
                 payload_len: 60,
                 every: 5,
             },
+            // TIM-VRFY, which nobody expects.
+            LeftOn {
+                message: (0x0d, 0x06),
+                payload_len: 20,
+                every: 5,
+            },
         ],
         queue_ns: 2_500_000_000,
         ..factory(BAUD)
@@ -278,7 +292,7 @@ fn what_a_receiver_has_in_its_flash_is_switched_off_as_it_comes() {
         before.now = at;
         receiver.poll(at);
     }
-    assert_eq!(receiver.left_on().count(), 3);
+    assert_eq!(receiver.left_on().count(), 4);
     let mut board = Board::new();
     board.now = before.now;
     board.run(&mut receiver, WorldNanos(40 * SECOND));
@@ -291,6 +305,78 @@ fn what_a_receiver_has_in_its_flash_is_switched_off_as_it_comes() {
     let sent = board.sent_bytes;
     board.run(&mut receiver, WorldNanos(600 * SECOND));
     assert_eq!(board.sent_bytes, sent, "nothing more is asked for");
+}
+
+#[test]
+fn what_a_receiver_may_have_in_its_flash_is_switched_off_before_it_comes() {
+    // Each comes after 50 s for the first time.
+    let seldom = |message| LeftOn {
+        message,
+        payload_len: 40,
+        every: 250,
+    };
+    let settings = ReceiverSettings {
+        port: Port::CONFIGURED,
+        left_on: [
+            (0x02, 0x15),
+            (0x01, 0x35),
+            (0x01, 0x26),
+            (0x0a, 0x09),
+            (0x0d, 0x03),
+        ]
+        .map(seldom)
+        .to_vec(),
+        refuses: vec![(0x02, 0x13)],
+        ..factory(BAUD)
+    };
+    let mut receiver = Receiver::new(settings);
+    let mut board = Board::new();
+    // Marks come from the first epoch on, and all is said a second later.
+    board.run(&mut receiver, WorldNanos(SECOND + SECOND / 2));
+    assert!(board.marks[0] < WorldNanos(SECOND / 2), "{:?}", board.marks);
+    assert!(board.session.is_done());
+    assert_eq!(receiver.left_on().count(), 0);
+    // A message that never comes may be one that the receiver does not know: its refusal is nobody's worry.
+    board.run(&mut receiver, WorldNanos(30 * SECOND));
+    assert_eq!(board.refusals, []);
+    assert_eq!(board.session.counters().refused, 1);
+}
+
+#[test]
+fn what_was_refused_in_advance_is_asked_for_three_times_in_all() {
+    let rawx = Unwanted::Ubx {
+        class: 0x02,
+        id: 0x15,
+    };
+    let mut session = Session::new();
+    let (mut asked, mut named) = (0, Vec::new());
+    for second in 0..120 {
+        let now = Cycles::from_micros(second * 1_000_000);
+        session.handle_event(now, &Event::Ack { class: 0, id: 0 });
+        if second >= 20 {
+            session.handle_unwanted(now, rawx);
+        }
+        while let Some(action) = session.poll(now) {
+            let Action::Transmit(bytes) = action else {
+                panic!("no rate is tried: {action:?}")
+            };
+            let (class, id) = (bytes[2], bytes[3]);
+            let is_rawx = bytes.get(6..9) == Some(&[0x02, 0x15, 0]);
+            asked += u32::from(is_rawx);
+            session.handle_sent(now);
+            session.handle_event(
+                now,
+                &if is_rawx {
+                    Event::Nak { class, id }
+                } else {
+                    Event::Ack { class, id }
+                },
+            );
+            named.extend(session.poll_refusal().map(Setting::subject));
+        }
+        assert_eq!(asked, if second < 21 { 1 } else { 3 }, "at {second} s");
+    }
+    assert_eq!(named, [(0x02, 0x15)]);
 }
 
 #[test]
@@ -377,8 +463,8 @@ fn noise_makes_no_more_requests_than_its_names() {
             session.handle_event(now, &Event::Nak { class, id });
         }
     }
-    // Eight kinds, thrice each.
-    assert!((1..=8 * 3).contains(&requests), "{requests}");
+    // Eight kinds, thrice each; and five of those classes in advance.
+    assert!((6..=8 * 3 + 5).contains(&requests), "{requests}");
 }
 
 #[test]
@@ -414,7 +500,7 @@ fn a_late_acknowledgement_of_the_pulse_is_one() {
     let mut session = Session::new();
     let mut now = Cycles::BOOT;
     session.handle_event(now, &Event::Ack { class: 0, id: 0 });
-    for _ in 0..100 {
+    for _ in 0..200 {
         while session.poll(now).is_some() {
             session.handle_sent(now);
         }

@@ -15,8 +15,10 @@
 //! the two are not waited for, because their rate is not defined. If any event comes, the receiver
 //! is found, and the settings follow (`steps`), each until it is answered or has been sent
 //! [`Session::TRIES`] times. Whether TIM-TP is wanted is the last of them, and is sent again when it
-//! changes. It comes on request only, since a burst should begin with NAV-PVT. What comes and is not used
-//! is switched off as it comes ([`Session::handle_unwanted`]). What the receiver refuses
+//! changes. It comes on request only, since a burst should begin with NAV-PVT. Behind the settings, and behind
+//! the polls, what the receiver may have in its flash is switched off, while NAV-PVT comes already: some 220
+//! bytes and as many answers, which hold up nothing. What comes and is not used for all that is switched
+//! off as it comes ([`Session::handle_unwanted`]). What the receiver refuses
 //! [`Session::TRIES`] times is reported ([`Session::poll_refusal`]) and not asked again before it is found
 //! anew. If no event comes, the next attempt takes the next rate. A *round* of all of them takes 3.8 s, and
 //! the next begins 1 s later. While events come, no rate is tried: silence of [`Session::SILENCE`]
@@ -160,6 +162,8 @@ pub struct Session {
     step: usize,
     /// What switches off a message that has come.
     off: Option<Setting>,
+    /// Nothing of it has come, but it may be in the receiver's flash.
+    is_in_advance: bool,
     /// How often the present setting has been sent.
     tries: u8,
     /// Whether forecasts are wanted.
@@ -216,6 +220,7 @@ impl Session {
             is_saved: false,
             step: 0,
             off: None,
+            is_in_advance: false,
             tries: 0,
             wants_forecasts: false,
             sent_forecasts: false,
@@ -387,6 +392,9 @@ impl Session {
                     } else if self.leap_seconds.poll(now) {
                         self.state = State::SendingPoll;
                         return Some(Action::Transmit(&POLL_LEAP_SECONDS));
+                    } else if let Some(off) = self.unwanted.poll_in_advance(now) {
+                        self.is_in_advance = true;
+                        self.switch_off(off);
                     } else {
                         return None;
                     }

@@ -75,11 +75,21 @@ impl Session {
         Some(length)
     }
 
+    /// Whether the present setting may be sent once more: what may never come, in advance, is sent once.
+    const fn may_try_again(&self) -> bool {
+        !self.is_in_advance && self.tries < Self::TRIES
+    }
+
     /// The present setting was refused once more.
     #[inline(never)]
     pub(super) fn handle_refused(&mut self) {
-        if self.tries < Self::TRIES {
+        if self.may_try_again() {
             self.state = State::SendSetting;
+            return;
+        }
+        if self.is_in_advance {
+            self.unwanted.handle_refused_in_advance();
+            self.next_step();
             return;
         }
         self.refusal = self.setting();
@@ -119,6 +129,8 @@ impl Session {
         } else {
             self.off = Some(off);
             self.begin_step(STEPS.len() + 1);
+            // Refused once already: that is one of the three times.
+            self.tries = u8::from(self.unwanted.was_refused_in_advance(off));
         }
     }
 
@@ -127,7 +139,7 @@ impl Session {
     pub(super) fn no_answer(&mut self, now: Cycles) {
         if self.last_event.is_some() {
             count(&mut self.counters.unanswered);
-            if self.tries < Self::TRIES {
+            if self.may_try_again() {
                 self.state = State::SendSetting;
             } else {
                 self.next_step();
@@ -155,7 +167,11 @@ impl Session {
 
     pub(super) const fn begin_settings(&mut self) {
         self.is_in_step = false;
+        if self.may_have_restarted {
+            self.unwanted.begin_again();
+        }
         self.may_have_restarted = false;
+        self.is_in_advance = false;
         self.begin_step(0);
     }
 
@@ -167,6 +183,7 @@ impl Session {
     #[inline(never)]
     pub(super) fn next_step(&mut self) {
         self.off = None;
+        self.is_in_advance = false;
         if self.step == 0 && self.findings.generation().is_none() {
             // It is left alone until it is gone.
             self.begin_step(usize::MAX);

@@ -391,8 +391,8 @@ fn before_the_pulse() -> Session {
         let mut receiver = Receiver::new(out_of_its_box(Model::M10, Port::CONFIGURED));
         let poll = ubx::frame(0x0a, 0x04, &[]);
         receiver.handle_bytes(WorldNanos(0), BAUD, &poll);
-        let at = receiver.next_event().unwrap();
-        receiver.poll(at).unwrap().bytes
+        let at = receiver.next_event().expect("it answers");
+        receiver.poll(at).expect("it answers").bytes
     };
     session.handle_event(Cycles::BOOT, &Event::Ack { class: 0, id: 0 });
     let is_poll = |action| matches!(action, Some(Action::Transmit(bytes)) if bytes[2] == 0x0a);

@@ -12,20 +12,16 @@
 //! *Limits.* Protocols 4 and 5 of PX4-Bootloader, for STM32F4 boards whose application begins at
 //! [`APPLICATION`]. Only the main flash: no OTP, no serial number, no start-up delay.
 
+mod board;
 mod crc;
 mod failure;
 mod image;
 mod px4_file;
 mod uploader;
 
+pub use board::{FLASH_ROOM, PIXHAWK_1};
 pub use crc::crc32;
 pub use failure::{Failure, Phase};
 pub use image::{APPLICATION, Image};
 pub use px4_file::{Px4Error, Px4File};
 pub use uploader::{Device, Progress, Uploader};
-
-/// The board id of the Pixhawk 1, in its bootloader and in files for it: PX4's FMUv2 and FMUv3.
-pub const PIXHAWK_1: u32 = 9;
-
-/// What the bootloader can program behind itself on a chip with 2 MB, in bytes.
-pub const FLASH_ROOM: u32 = 2_080_768;

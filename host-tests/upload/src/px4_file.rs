@@ -19,8 +19,8 @@ use miniz_oxide::deflate::compress_to_vec_zlib;
 use miniz_oxide::inflate::decompress_to_vec_zlib_with_limit;
 use serde_json::{Value, json};
 
+use crate::board::{FLASH_ROOM, PIXHAWK_1};
 use crate::image::Image;
-use crate::{FLASH_ROOM, PIXHAWK_1};
 
 /// More than any board of this family can hold, in bytes: what unpacks to more is no image.
 const UNPACKED_MAX: usize = 4 << 20;

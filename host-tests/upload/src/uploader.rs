@@ -340,7 +340,7 @@ impl Uploader {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{FLASH_ROOM, PIXHAWK_1};
+    use crate::board::{FLASH_ROOM, PIXHAWK_1};
 
     const PATIENCE: Duration = Duration::from_secs(3);
 

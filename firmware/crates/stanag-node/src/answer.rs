@@ -5,8 +5,8 @@ use stanag_wire::{Builder, Header, Layout, MAX_FRAME, NodeId, Sum, TimeStamp};
 use timebase::divide;
 
 use crate::clock::Reading;
+use crate::config::Config;
 use crate::message as m;
-use crate::node::Config;
 use crate::request::{LOI_2, Request};
 
 /// Acknowledgement Type: it has arrived.

@@ -34,6 +34,7 @@
 mod answer;
 mod clock;
 mod complaint;
+mod config;
 pub mod message;
 mod node;
 mod position;
@@ -41,5 +42,6 @@ mod request;
 
 pub use clock::{Reading, State};
 pub use complaint::Complaint;
-pub use node::{Config, Counters, Node};
+pub use config::Config;
+pub use node::{Counters, Node};
 pub use request::Request;

@@ -7,6 +7,7 @@ use timebase::{CORE_HZ, Cycles, Fix, StampedByte};
 use crate::answer::{self, Answer};
 use crate::clock::Reading;
 use crate::complaint::{Complaint, Complaints};
+use crate::config::Config;
 use crate::message as m;
 use crate::position;
 use crate::request::{Asked, Request, Requests};
@@ -15,19 +16,6 @@ use crate::request::{Asked, Request, Requests};
 const AFTER_NOW: u64 = CORE_HZ as u64;
 /// The longest frame that a line is searched for. \[bytes\]
 const LONGEST: usize = 64;
-
-/// Who a node is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Config {
-    /// Its id.
-    pub id: NodeId,
-    /// The firmware's version: major, minor, patch.
-    pub version: [u8; 3],
-    /// The first 32 bits of its commit's hash.
-    pub git_hash: u32,
-    /// The board's number, as AUTOPILOT_VERSION has it.
-    pub board: u16,
-}
 
 /// What was received, by kind. All wrap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]

@@ -176,7 +176,7 @@ mod tests {
     use std::vec::Vec;
 
     use super::*;
-    use crate::config::sum;
+    use crate::frame_buffer::sum;
 
     fn frame(class: u8, id: u8, payload: &[u8]) -> Vec<u8> {
         let [low, high] = (payload.len() as u16).to_le_bytes();

@@ -16,7 +16,7 @@ use ublox::cfg_rate::{AlignmentToReferenceTime, CfgRateBuilder};
 use ublox::cfg_tp5::{CfgTp5Builder, CfgTp5Flags};
 
 use crate::answers::Protocols;
-use crate::fletcher::Fletcher;
+use crate::frame_buffer::{Buffer, put, sum};
 use crate::identity::Generation;
 use crate::keys::{self, Keys};
 use crate::kind::{SYNC_1, SYNC_2};
@@ -72,12 +72,6 @@ const TIM_TP: (u8, u8) = (0x0d, 0x01);
 /// The protocols of a port with UBX alone.
 pub(crate) const UBX_ALONE: Protocols = [UBX, 0, UBX, 0];
 const UBX: u8 = 1;
-
-/// The most bytes that are sent at once: [`Setting::Pulse`] by keys.
-pub(crate) const LONGEST: usize = 84;
-
-/// What a frame is written into.
-pub(crate) type Buffer = [u8; LONGEST];
 
 /// A configuration frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -312,28 +306,10 @@ fn port(baud: u32, [in_0, in_1, out_0, out_1]: Protocols) -> [u8; 28] {
     frame
 }
 
-/// Writes the checksum of a whole frame to its end.
-#[inline(never)]
-pub(crate) fn sum(frame: &mut [u8]) {
-    if let [_, _, summed @ .., a, b] = frame {
-        let start = Fletcher::START;
-        [*a, *b] = start.then_all(summed).since(start, summed.len());
-    }
-}
-
-/// Puts `frame` into `buffer` from `at` on; the length of all of it, in bytes.
-#[inline(never)]
-fn put(buffer: &mut Buffer, at: usize, frame: &[u8]) -> usize {
-    let end = at.wrapping_add(frame.len());
-    if let Some(space) = buffer.get_mut(at..end) {
-        space.copy_from_slice(frame);
-    }
-    end
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frame_buffer::LONGEST;
 
     /// The frames as pyubx2 and a second encoder give them.
     #[test]

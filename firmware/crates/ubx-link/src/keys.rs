@@ -9,7 +9,7 @@
 //!
 //! *Limits.* Values of up to four bytes. UART1 only.
 
-use crate::config::{Buffer, sum};
+use crate::frame_buffer::{Buffer, sum};
 use crate::kind::{CHECKSUM_LEN, HEADER_LEN, SYNC_1, SYNC_2};
 
 /// What takes effect at once, and is forgotten at a restart.

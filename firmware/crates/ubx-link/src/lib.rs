@@ -65,6 +65,7 @@ mod answers;
 mod config;
 mod event;
 mod fletcher;
+mod frame_buffer;
 mod identity;
 mod keys;
 mod kind;

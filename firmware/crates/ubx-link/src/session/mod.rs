@@ -39,6 +39,7 @@
 
 mod finding;
 mod leap_poll;
+mod order;
 mod received;
 mod search;
 mod steps;
@@ -47,16 +48,16 @@ use timebase::{Cycles, StampedByte};
 
 use crate::answers::{Answers, Protocols};
 use crate::config::{
-    BAUD, Buffer, LONGEST, POLL_LEAP_SECONDS, POLL_PORT, PULSE_WIDTH_US, Setting, UBX_ALONE,
-    write_greeting,
+    BAUD, POLL_LEAP_SECONDS, POLL_PORT, PULSE_WIDTH_US, Setting, UBX_ALONE, write_greeting,
 };
 use crate::event::Event;
+use crate::frame_buffer::{Buffer, LONGEST};
 use crate::unwanted::{Table, Unwanted};
 pub use finding::Finding;
 use finding::Findings;
 use leap_poll::LeapPoll;
+use order::STEPS;
 use search::Search;
-use steps::STEPS;
 
 /// How long an answer is waited for, in cycles: 400 ms. PX4 waits 250 ms (`PX4-GPSDrivers`,
 /// `ubx.h`); at the factory's one epoch a second some receivers take longer.

@@ -2,26 +2,11 @@
 
 use timebase::Cycles;
 
+use super::order::STEPS;
 use super::{Acknowledged, Finding, Session, State, count, millis};
 use crate::config::Setting;
 use crate::identity::Generation;
 use crate::unwanted::{PAUSE, Table};
-
-/// What is sent once the receiver is found, in this order, and to which generation; then
-/// [`Setting::Forecasts`]. An M8 is saved before UBX is alone, because what is saved is what it has
-/// then; later ones at the end, behind the pulse.
-pub(super) const STEPS: [(Setting, Option<Generation>); 10] = [
-    (Setting::Version, None),
-    (Setting::Save, Some(Generation::Messages)),
-    (Setting::Port, Some(Generation::Messages)),
-    (Setting::Pulse, None),
-    (Setting::Port, Some(Generation::Keys)),
-    (Setting::Corrections, Some(Generation::Keys)),
-    (Setting::Rate, None),
-    (Setting::Message, None),
-    (Setting::Navigation, None),
-    (Setting::Save, Some(Generation::Keys)),
-];
 
 /// From a round without success to the next, in cycles: 1 s. A round takes 3.8 s, so that one that begins
 /// to speak behind its attempt is found within 9 s.

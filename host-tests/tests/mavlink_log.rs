@@ -238,7 +238,7 @@ fn status(messages: &[Message]) -> String {
         assert_eq!(*count < 90, is_last, "a piece that is not full is the last");
         text.extend(&data[..usize::from(*count)]);
     }
-    String::from_utf8(text).unwrap()
+    String::from_utf8(text).expect("ASCII")
 }
 
 #[test]

@@ -13,11 +13,12 @@
 
 mod answer;
 mod node;
+mod options;
 mod pair;
 mod stanag;
+mod target;
 
 use std::process::ExitCode;
-use std::str::FromStr;
 use std::sync::Barrier;
 use std::sync::mpsc::channel;
 use std::thread;
@@ -31,56 +32,9 @@ use crate::ctrl_c;
 use crate::link::Address;
 use answer::Answer;
 use node::{HostTime, Node};
+use options::NodePlace;
+pub use options::Options;
 use pair::{Apart, Pair};
-
-/// What `ping` is asked to do.
-#[derive(clap::Args, Debug)]
-pub struct Options {
-    /// Where the nodes are: tcp:HOST:PORT, udp:HOST:PORT or serial:DEVICE, or serial:DEVICE:BAUD; or all of them
-    /// stanag:GROUP:PORT/ID, where without an id it is listed who is there
-    #[arg(value_name = "ADDR", required = true)]
-    places: Vec<NodePlace>,
-    /// Over STANAG 4586: by heartbeats that are acknowledged, to the ms, as any node of it can
-    #[arg(long)]
-    plain: bool,
-    /// How many requests
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
-    count: u32,
-    /// From one request to the next, in ms
-    #[arg(long, value_name = "MS", default_value_t = 500, value_parser = clap::value_parser!(u64).range(1..=3_600_000))]
-    interval: u64,
-    /// How long an answer may take, in ms
-    #[arg(long, value_name = "MS", default_value_t = 1_000, value_parser = clap::value_parser!(u64).range(1..=3_600_000))]
-    timeout: u64,
-    /// The version of MAVLink that is spoken, 1 or 2
-    #[arg(long, value_name = "1|2", default_value_t = 2, value_parser = clap::value_parser!(u8).range(1..=2))]
-    mavlink: u8,
-    /// The rate of the serial line behind a TCP or UDP address, in Bd: the bytes' own time at this
-    /// rate is taken off what is uncertain. An emulator keeps no rate in this host's time
-    #[arg(long, value_name = "BD", value_parser = clap::value_parser!(u32).range(1..))]
-    line_baud: Option<u32>,
-    /// Print one JSON object at the end instead of lines
-    #[arg(long)]
-    json: bool,
-}
-
-/// Where a node is, and so what it speaks.
-#[derive(Clone, Debug)]
-enum NodePlace {
-    Mavlink(Address),
-    Stanag(stanag::Target),
-}
-
-impl FromStr for NodePlace {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text.strip_prefix("stanag:") {
-            Some(target) => target.parse().map(Self::Stanag),
-            None => text.parse().map(Self::Mavlink),
-        }
-    }
-}
 
 /// Asks, prints the answers and a summary. The exit code says whether each node answered.
 ///

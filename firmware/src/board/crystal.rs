@@ -9,6 +9,10 @@ pub struct CrystalFailed;
 pub enum CrystalStart {
     /// As its kind is.
     InTime,
+    #[cfg_attr(
+        feature = "qemu",
+        expect(dead_code, reason = "this machine's crystal is there at once")
+    )]
     /// So late that it, its capacitors or the board is to be looked at.
     Late {
         /// After this. \[µs\]

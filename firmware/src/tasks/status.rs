@@ -240,6 +240,7 @@ macro_rules! nonzero_of {
 struct Clock(utc_clock::Counters);
 
 impl Part for Clock {
+    #[inline(never)] // For the log and for MAVLink.
     fn write(&self, counts: &mut dyn Counts) {
         nonzero!(counts, self.0, {
             "steps_forward": steps_forward,
@@ -282,6 +283,7 @@ impl Part for Clock {
 struct Gnss(Option<GnssReport>);
 
 impl Part for Gnss {
+    #[inline(never)] // For the log and for MAVLink.
     fn write(&self, counts: &mut dyn Counts) {
         let Some(report) = self.0 else { return };
         receiver(counts, report.receiver.finding);
@@ -329,7 +331,7 @@ fn receiver(counts: &mut dyn Counts, finding: Finding) {
     };
     let model = identity.map_or(without_name, |identity| identity.model());
     let firmware = identity.map_or("", |identity| identity.firmware());
-    let protocol = identity.map_or(0, |identity| identity.protocol());
+    let protocol = identity.map_or(0, ubx_link::Identity::protocol);
     counts.word(defmt::intern!("receiver_unused"), "receiver_unused", why);
     counts.word(defmt::intern!("receiver"), "receiver", model);
     counts.word(
@@ -357,6 +359,7 @@ fn word(f: Formatter, key: defmt::Str, text: &str) {
 struct Mavlink(Option<[LinkReport; LINKS]>);
 
 impl Part for Mavlink {
+    #[inline(never)] // For the log and for MAVLink.
     fn write(&self, counts: &mut dyn Counts) {
         let names = [link_name!("mav"), link_name!("mav2")];
         for (link, report) in names.iter().zip(self.0.iter().flatten()) {
@@ -388,17 +391,17 @@ impl Part for Mavlink {
             });
         }
         #[cfg(stanag)]
-        stanag(f);
+        stanag(counts);
     }
 }
 
 /// What came over the line that speaks STANAG 4586.
 #[cfg(stanag)]
-fn stanag(f: Formatter) {
+fn stanag(counts: &mut dyn Counts) {
     let Some(report) = crate::reports::STANAG.get() else {
         return;
     };
-    nonzero!(f, report.node, {
+    nonzero!(counts, report.node, {
         "sta_requests": requests,
         "sta_malformed": malformed,
         "sta_no_key": no_key,
@@ -406,14 +409,14 @@ fn stanag(f: Formatter) {
         "sta_unknown": unknown,
         "sta_from_our_id": from_our_id,
     });
-    nonzero!(f, report.node.framing, {
+    nonzero!(counts, report.node.framing, {
         "sta_foreign_bytes": foreign_bytes,
         "sta_sum_failures": sum_failures,
         "sta_length_failures": length_failures,
         "sta_without_sum": without_sum,
         "sta_abandoned": abandoned,
     });
-    nonzero!(f, report.line, {
+    nonzero!(counts, report.line, {
         "sta_overrun": overrun,
         "sta_framing": framing,
         "sta_noise": noise,
@@ -435,6 +438,7 @@ impl Format for Slot {
 }
 
 impl Part for Slot {
+    #[inline(never)] // For the log and for MAVLink.
     fn write(&self, counts: &mut dyn Counts) {
         let Some(report) = self.0 else { return };
         nonzero!(counts, report.errors, {
@@ -451,6 +455,7 @@ impl Part for Slot {
 struct Log;
 
 impl Part for Log {
+    #[inline(never)] // For the log and for MAVLink.
     fn write(&self, counts: &mut dyn Counts) {
         counts.count(
             defmt::intern!("log_dropped"),

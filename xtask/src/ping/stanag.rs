@@ -9,17 +9,17 @@
 
 use std::fmt;
 use std::process::ExitCode;
-use std::str::FromStr;
 use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Result, bail};
 use console::units;
 use serde_json::{Value, json};
+use stanag_net::Group;
 use stanag_net::station::{self, Report, TOOLS, What};
-use stanag_net::{Group, Place};
 use stanag_wire::NodeId;
 
-use super::Options;
+use super::options::Options;
+use super::target::Target;
 use crate::ctrl_c;
 
 /// How long a read waits.
@@ -28,48 +28,6 @@ const PATIENCE: Duration = Duration::from_millis(5);
 const DISCOVERY: Duration = Duration::from_millis(1_500);
 /// How far a Time Stamp of whole ms may be behind. [ns]
 const MS: i64 = 1_000_000;
-
-/// Where a group meets, and which of its nodes is meant.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Target {
-    place: Place,
-    id: Option<NodeId>,
-}
-
-impl FromStr for Target {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let (place, id) = text
-            .split_once('/')
-            .map_or((text, None), |(a, b)| (a, Some(b)));
-        let place = if place.is_empty() {
-            Place::default()
-        } else {
-            place.parse()?
-        };
-        let id = id.map(|id| {
-            let digits = id.replace(':', "");
-            u32::from_str_radix(&digits, 16)
-                .ok()
-                .filter(|_| digits.len() == 8)
-                .map(NodeId)
-                .ok_or_else(|| format!("`{id}` is no id, as in 00:50:43:01"))
-        });
-        let id = id.transpose()?;
-        Ok(Self { place, id })
-    }
-}
-
-impl fmt::Display for Target {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "stanag:{}", self.place)?;
-        match self.id {
-            Some(id) => write!(f, "/{id}"),
-            None => Ok(()),
-        }
-    }
-}
 
 /// One answer, in ns.
 struct Answer {

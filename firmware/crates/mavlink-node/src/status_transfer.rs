@@ -60,7 +60,7 @@ impl StatusWriter<'_> {
             self.begin(key);
             let without_blanks = |byte| if byte == b' ' { b'_' } else { byte };
             self.transfer.push(value.bytes().map(without_blanks));
-            self.transfer.push([b' ']);
+            self.transfer.push(*b" ");
         }
     }
 
@@ -82,7 +82,7 @@ impl StatusWriter<'_> {
         if self.takes_next() && count != 0 {
             if !name.is_empty() {
                 self.transfer.push(name.bytes());
-                self.transfer.push([b'_']);
+                self.transfer.push(*b"_");
             }
             self.write(key, &[(0, count.into(), 1)], 0);
         }
@@ -108,7 +108,7 @@ impl StatusWriter<'_> {
             self.transfer.digits(number, width);
         }
         self.transfer.push(Some(end).filter(is_there));
-        self.transfer.push([b' ']);
+        self.transfer.push(*b" ");
     }
 
     /// Whether the word that comes now has its turn in this piece; it counts as written then.
@@ -123,7 +123,7 @@ impl StatusWriter<'_> {
 
     fn begin(&mut self, key: &str) {
         self.transfer.push(key.bytes());
-        self.transfer.push([b'=']);
+        self.transfer.push(*b"=");
     }
 }
 

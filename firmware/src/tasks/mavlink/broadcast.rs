@@ -6,6 +6,7 @@ use timebase::{CORE_HZ, ClockState};
 use utc_clock::{Reading, SecondProof, Source};
 
 use super::link::Link;
+use super::source::number;
 use super::words;
 use crate::clock;
 use crate::clock_events::{self, ClockEvent};
@@ -86,14 +87,5 @@ fn value(what: Plotted, reading: &Reading, report: Option<&GnssReport>) -> f32 {
             let unproved = parts.into_iter().filter(|(_, is_unproved)| *is_unproved);
             f32::from(unproved.map(|(bit, _)| bit).sum::<u8>())
         }
-    }
-}
-
-/// The number of a source, as parameter and value have it.
-pub fn number(source: Source) -> u8 {
-    match source {
-        Source::Nothing => 0,
-        Source::Message => 1,
-        Source::Pulse => 2,
     }
 }

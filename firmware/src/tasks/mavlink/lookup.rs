@@ -3,7 +3,8 @@
 use mavlink_node::{LogFile, Parameter, Parameters, StatusLine, StatusWriter};
 use sample_log::csv;
 
-use super::{broadcast, words};
+use super::source::number;
+use super::words;
 use crate::reports::GNSS;
 use crate::samples::SAMPLES;
 use crate::settings::{GPS_BAUD, VARIANT};
@@ -22,7 +23,7 @@ impl Parameters for ThisBoard {
             Parameter::GpsBaud => GPS_BAUD,
             Parameter::Source => {
                 let source = GNSS.get().map(|report| report.source);
-                broadcast::number(source.unwrap_or_default()).into()
+                number(source.unwrap_or_default()).into()
             }
             Parameter::LogLen => SAMPLES.len(),
             Parameter::LogMissed => SAMPLES.with(|log| log.missed()),

@@ -10,6 +10,7 @@ mod broadcast;
 mod link;
 mod lookup;
 mod requests;
+mod source;
 mod words;
 
 #[cfg(stanag)]

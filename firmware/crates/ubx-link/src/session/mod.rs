@@ -393,11 +393,10 @@ impl Session {
                     } else if self.leap_seconds.poll(now) {
                         self.state = State::SendingPoll;
                         return Some(Action::Transmit(&POLL_LEAP_SECONDS));
-                    } else if let Some(off) = self.unwanted.poll_in_advance(now) {
+                    } else {
+                        let off = self.unwanted.poll_in_advance(now)?;
                         self.is_in_advance = true;
                         self.switch_off(off);
-                    } else {
-                        return None;
                     }
                 }
                 _ => return None,

@@ -20,7 +20,7 @@ use crate::link::{Address, Link};
 /// What `gateway` is asked to do.
 #[derive(clap::Args, Debug)]
 pub struct Options {
-    /// The board's line: serial:DEVICE[:BAUD]
+    /// The board's line: serial:DEVICE or serial:DEVICE:BAUD
     #[arg(value_name = "serial:DEVICE")]
     line: Address,
     /// Where the group meets

@@ -11,7 +11,7 @@ use crate::pulse::Pulse;
 use crate::receiver::Receiver;
 use crate::talker::{Sent, Talker, Transmission, WorldNanos};
 
-/// Two receivers, one after the other; see the [module](self).
+/// Two receivers, one after the other.
 #[derive(Clone, Debug)]
 pub struct Swap {
     first: Receiver,

@@ -26,7 +26,7 @@ use crate::ctrl_c;
 const PATIENCE: Duration = Duration::from_millis(5);
 /// How long after a discovery answers are awaited.
 const DISCOVERY: Duration = Duration::from_millis(1_500);
-/// How far a Time Stamp of whole ms may be behind. [ns]
+/// How far a Time Stamp of whole ms may be behind. \[ns\]
 const MS: i64 = 1_000_000;
 
 /// One answer, in ns.

@@ -26,7 +26,7 @@ pub struct Job {
 /// The most sources: [`INTERRUPTS`], [`MASKED`] and [`TASKS`].
 const SOURCES: usize = 2 + TASKS.len();
 
-/// The load of a board; see the [module](self).
+/// The load of a board.
 #[derive(Clone, Debug)]
 pub struct FlightLoad {
     sources: [Source; SOURCES],

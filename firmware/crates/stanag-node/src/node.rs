@@ -85,7 +85,7 @@ impl Node {
     }
 
     /// Takes a byte of a serial line, stamped at most 24 s before `now` or up to 1 s after it. A request
-    /// is to be answered with [`Self::answers`].
+    /// is to be answered with [`Self::answer`].
     #[inline(never)]
     pub fn push(&mut self, byte: StampedByte, now: Cycles) -> Option<Request> {
         match self.framer.push(byte) {

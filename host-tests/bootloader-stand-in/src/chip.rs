@@ -165,6 +165,10 @@ impl Pixhawk {
             unsafe { w.snb().bits(number) };
             w.ser().set_bit().psize().psize32().eopie().set_bit()
         });
+        // A ms that has passed would end each wait at once, and the erase would be one of looks alone.
+        self.0.TIM2.cr1().reset();
+        self.0.TIM2.sr().reset();
+        NVIC::unpend(Interrupt::TIM2);
         flash.cr().modify(|_, w| w.strt().set_bit());
         while flash.sr().read().bsy().bit() {
             asm::wfi();

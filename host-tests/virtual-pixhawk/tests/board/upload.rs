@@ -88,7 +88,6 @@ const DEVICE: Device = Device {
 };
 
 #[test]
-#[ignore = "takes minutes of real time, alone: board-test -- --test board -- --ignored upload"]
 fn a_plug_pulled_at_any_byte_never_boots_half_an_image() {
     let Some(images) = images() else { return };
     let application = images.0.application().unwrap();
@@ -266,7 +265,6 @@ fn pixclock(firmware: &Firmware) -> Px4File {
 }
 
 #[test]
-#[ignore = "takes minutes of real time, alone: board-test -- --test board -- --ignored upload"]
 fn xtask_uploads_to_a_running_board_and_refuses_what_does_not_belong() {
     let Some(images) = images() else { return };
     let Some(xtask) = std::env::var_os("PIXCLOCK_XTASK") else {
@@ -313,7 +311,6 @@ fn xtask_uploads_to_a_running_board_and_refuses_what_does_not_belong() {
 }
 
 #[test]
-#[ignore = "takes minutes of real time, alone: board-test -- --test board -- --ignored upload"]
 fn px4s_own_uploader_does_the_same() {
     let Some(images) = images() else { return };
     let Some(mut python) = program("PIXCLOCK_UPLOADER_PYTHON") else {

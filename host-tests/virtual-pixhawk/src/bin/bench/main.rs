@@ -62,7 +62,7 @@ fn main() -> anyhow::Result<ExitCode> {
         "crate ublox 454",
     );
     // While an answer to MON-VER or CFG-PRT is awaited, and in noise it always is, each byte is searched twice.
-    rows.push(gps.for_now(270.0));
+    rows.push(gps.for_now(95.0));
     let mavlink = noise::worst(
         "any byte on the MAVLink line, beyond its interrupt",
         &mavlink_noise,

@@ -19,9 +19,14 @@ pub enum Line {
 /// board does more than in silence, over 1 000 bytes at full rate.
 pub fn costs(subject: &Subject, line: Line, byte: u64) -> anyhow::Result<NoiseCosts> {
     const BYTES: usize = 1_000;
-    let start = WorldNanos(2 * SECOND + 10 * MS);
+    let begin = match line {
+        // The board looks for its receiver at this rate first, from its start on.
+        Line::Gps => 300 * MS,
+        Line::Mavlink => 2 * SECOND,
+    };
+    let start = WorldNanos(begin + 10 * MS);
     // 1 000 bytes last 87 ms; after the silence, the framer gives up what it held back.
-    let window = (2 * SECOND, 2 * SECOND + 500 * MS);
+    let window = (begin, begin + 300 * MS);
     let run = |bytes: Vec<u8>| {
         let script = Script::new([Transmission {
             start,

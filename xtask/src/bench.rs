@@ -6,7 +6,7 @@ use anyhow::Result;
 use clap::Args;
 
 use crate::image::{self, Board, Build};
-use crate::tool;
+use crate::{system, tool};
 
 /// What the bench can be asked for.
 #[derive(Args)]
@@ -35,5 +35,5 @@ pub fn run(options: &Options) -> Result<ExitCode> {
     if options.json {
         bench.arg("--json");
     }
-    tool::become_it(&mut bench)
+    system::become_it(&mut bench)
 }

@@ -81,7 +81,9 @@ pub fn run(paces: &[String], arguments: &[String]) -> Result<()> {
             tests.env("PIXCLOCK_UPLOADER_PYTHON", python);
         }
         // A program of other people, from a place of other people: not here, the rest is tested.
-        Err(error) => println!("SKIPPED: PX4's uploader could not be installed: {error:#}"),
+        Err(error) => {
+            console::print_line!("SKIPPED: PX4's uploader could not be installed: {error:#}");
+        }
     }
     tests.args(arguments);
     let paces: Vec<&str> = match paces {
@@ -89,7 +91,7 @@ pub fn run(paces: &[String], arguments: &[String]) -> Result<()> {
         named => named.iter().map(String::as_str).collect(),
     };
     for pace in paces {
-        println!("== {pace} cycles an instruction");
+        console::print_line!("== {pace} cycles an instruction");
         image::run(tests.env(PACE_VARIABLE, pace))?;
     }
     Ok(())

@@ -61,7 +61,7 @@ pub fn run(options: &Options) -> Result<ExitCode> {
     let mut disk = match ImageDisk::open(&options.card, options.write) {
         Ok(disk) => disk,
         Err(error) if options.write && ImageDisk::is_device(&options.card) => {
-            eprintln!("error: {error:#}");
+            console::print_error!("error: {error:#}");
             return Ok(ExitCode::from(2));
         }
         Err(error) => return Err(error.context(format!("cannot use {name}"))),
@@ -80,16 +80,16 @@ pub fn run(options: &Options) -> Result<ExitCode> {
         return Err(error).with_context(|| format!("cannot use {name}"));
     }
     if options.json {
-        println!("{}", verdict.json());
+        console::print_line!("{}", verdict.json());
     } else {
-        println!(
+        console::print_line!(
             "card     {}",
             in_bytes(u64::from(disk.blocks()) * BLOCK as u64)
         );
         if let Ok(facts) = facts {
             describe(&facts);
         }
-        println!("{}", verdict.line(len));
+        console::print_line!("{}", verdict.line(len));
     }
     Ok(match verdict {
         Verdict::Refused(_) => ExitCode::FAILURE,
@@ -138,19 +138,19 @@ fn describe(facts: &Facts) {
         0 => "on the whole card".to_owned(),
         first => format!("in a partition from block {first} on"),
     };
-    println!(
+    console::print_line!(
         "volume   {kind} {place}, {}",
         in_bytes(u64::from(facts.blocks) * BLOCK as u64)
     );
     let tables = if facts.tables == 1 { "table" } else { "tables" };
-    println!(
+    console::print_line!(
         "clusters {} of {}, {} {tables}",
         facts.clusters,
         in_bytes(facts.cluster_bytes.into()),
         facts.tables,
     );
     let free = u64::from(facts.free_clusters) * u64::from(facts.cluster_bytes);
-    println!("free     {}", in_bytes(free));
+    console::print_line!("free     {}", in_bytes(free));
 }
 
 /// A number of bytes in a unit that people read.

@@ -9,7 +9,6 @@
 mod checks;
 mod steps;
 
-use std::io::Write as _;
 use std::process::{Command, Stdio};
 use std::thread;
 use std::time::Instant;
@@ -31,13 +30,13 @@ pub fn run_all() -> Result<()> {
             Group::SideBySide(steps) => side_by_side(steps)?,
         }
     }
-    println!("all of it holds, after {} s", started.elapsed().as_secs());
+    console::print_line!("all of it holds, after {} s", started.elapsed().as_secs());
     Ok(())
 }
 
 /// Runs a step that writes where we do.
 fn in_turn(mut step: Step) -> Result<()> {
-    println!("== {}", step.name);
+    console::print_line!("== {}", step.name);
     if is_skipped(&step)? {
         return Ok(());
     }
@@ -51,14 +50,14 @@ fn in_turn(mut step: Step) -> Result<()> {
         }
     };
     ended.with_context(|| format!("step `{}`", step.name))?;
-    println!("== {}: {} s", step.name, started.elapsed().as_secs());
+    console::print_line!("== {}: {} s", step.name, started.elapsed().as_secs());
     Ok(())
 }
 
 /// Runs all of `steps` at once, to the end of each.
 fn side_by_side(steps: Vec<Step>) -> Result<()> {
     let names: Vec<_> = steps.iter().map(|step| step.name.as_str()).collect();
-    println!("== side by side: {}", names.join("; "));
+    console::print_line!("== side by side: {}", names.join("; "));
     let failed = thread::scope(|scope| {
         let mut running = Vec::new();
         for mut step in steps {
@@ -112,7 +111,7 @@ fn is_skipped(step: &Step) -> Result<bool> {
         "step `{}`: {program} is not on PATH, and CI must not go without it",
         step.name
     );
-    println!(
+    console::print_line!(
         "SKIPPED: `{}` needs {program}, which is not on PATH",
         step.name
     );
@@ -148,7 +147,5 @@ fn captured(step: &mut Step) -> Ended {
 }
 
 fn print(output: &[u8]) {
-    let mut stdout = std::io::stdout().lock();
-    // If standard output is closed, the exit code still shows what became of the step.
-    let _ = stdout.write_all(output).and_then(|()| stdout.flush());
+    console::write_bytes(output);
 }

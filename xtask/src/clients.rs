@@ -34,7 +34,7 @@ pub fn run() -> Result<()> {
     let python = match venv::with("clients-venv", "mavsdk, MAVProxy", &PACKAGES) {
         Ok(python) => python,
         Err(error) => {
-            println!("SKIPPED: MAVProxy and MAVSDK could not be installed: {error:#}");
+            console::print_line!("SKIPPED: MAVProxy and MAVSDK could not be installed: {error:#}");
             return Ok(());
         }
     };

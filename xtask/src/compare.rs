@@ -83,7 +83,7 @@ fn find(name: &str) -> Result<&'static Case, String> {
 pub fn run(options: &Options) -> Result<ExitCode> {
     if options.list {
         for case in &CASES {
-            println!("{:<14} {}", case.name, case.title);
+            console::print_line!("{:<14} {}", case.name, case.title);
         }
         return Ok(ExitCode::SUCCESS);
     }
@@ -103,7 +103,7 @@ pub fn run(options: &Options) -> Result<ExitCode> {
         let section = format!("\n{}", report::text(&figures));
         text.push_str(&section);
         if !options.json {
-            progress.suspend(|| print!("{section}"));
+            progress.suspend(|| console::print_text!("{section}"));
         }
         all.push(figures);
     }
@@ -112,12 +112,12 @@ pub fn run(options: &Options) -> Result<ExitCode> {
     let simulated_s: f64 = all.iter().map(|figures| figures.simulated_s() as f64).sum();
     if options.json {
         let cases: Vec<_> = all.iter().map(report::value).collect();
-        println!(
+        console::print_line!(
             "{}",
             json!({ "seeds": [seeds.start, seeds.end], "cases": cases })
         );
     }
-    eprintln!(
+    console::print_error!(
         "{total} trials in {took_s:.1} s: boards run {:.0} times as fast as time",
         simulated_s / took_s
     );
@@ -138,7 +138,7 @@ fn verdict(all: &[Figures]) -> ExitCode {
         let broken = verdicts.iter().filter(|verdict| !verdict.holds).count();
         if broken > 0 {
             let (name, all) = (figures.case.name, verdicts.len());
-            eprintln!("{name}: {broken} of {all} bounds are broken");
+            console::print_error!("{name}: {broken} of {all} bounds are broken");
             code = ExitCode::FAILURE;
         }
     }

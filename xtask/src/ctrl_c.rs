@@ -1,4 +1,5 @@
-//! Ctrl-C ends what runs with the results that there are.
+//! Ctrl-C ends what runs with the results that there are; so does a terminal that is closed, and output
+//! that nobody takes any more.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -12,6 +13,7 @@ static PRESSED: AtomicBool = AtomicBool::new(false);
 ///
 /// When the system does not allow that.
 pub fn catch() -> Result<()> {
+    console::ends_by_itself();
     Ok(ctrlc::set_handler(|| {
         PRESSED.store(true, Ordering::Relaxed);
     })?)
@@ -19,7 +21,7 @@ pub fn catch() -> Result<()> {
 
 /// Whether what runs is to end.
 pub fn is_pressed() -> bool {
-    PRESSED.load(Ordering::Relaxed)
+    PRESSED.load(Ordering::Relaxed) || console::is_output_gone()
 }
 
 /// Whether a test may still begin.

@@ -87,14 +87,14 @@ pub fn run(options: &Options) -> Result<()> {
                 "no speed: {speed_m_s} m/s"
             );
             let found = apart::read(results, &track, speed_m_s)?;
-            print!("{}", distances(&found, speed_m_s));
+            console::print_text!("{}", distances(&found, speed_m_s));
             plot::distances(&found, speed_m_s, &options.svg)?;
         }
         None => {
-            print!("{}", counts(&track));
+            console::print_text!("{}", counts(&track));
             let drawn = (fit::straight(&track, DRAWN_M), fit::curved(&track, DRAWN_M));
             plot::routes(&track, &drawn.0, &drawn.1, &options.svg)?;
-            println!("within {DRAWN_M} m: {}", options.svg.display());
+            console::print_line!("within {DRAWN_M} m: {}", options.svg.display());
         }
     }
     Ok(())

@@ -51,7 +51,7 @@ fn forbidden_dependencies(metadata: &Value, root: &Path) -> Result<Vec<String>> 
             .iter()
             .map(|package| package.dependencies.len())
             .sum();
-        println!(
+        console::print_line!(
             "{} packages, {dependencies} dependencies: as {PAGE} has them",
             packages.len()
         );
@@ -79,7 +79,7 @@ fn circles_of_files(metadata: &Value, root: &Path) -> Result<Vec<String>> {
         }
     }
     if circles.is_empty() {
-        println!("{crates} crates: no circle of files");
+        console::print_line!("{crates} crates: no circle of files");
     } else {
         circles.push("Move what one file needs of the other into a file below both.".to_owned());
     }

@@ -23,9 +23,9 @@ pub fn run(options: &Options) -> ExitCode {
     let mut code = ExitCode::SUCCESS;
     for text in &options.ids {
         match answer(text) {
-            Ok(answer) => print!("{answer}"),
+            Ok(answer) => console::print_text!("{answer}"),
             Err(refusal) => {
-                eprintln!("error: {text}: {refusal}");
+                console::print_error!("error: {text}: {refusal}");
                 code = ExitCode::FAILURE;
             }
         }

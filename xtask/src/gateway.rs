@@ -39,7 +39,7 @@ pub fn run(options: &Options) -> Result<()> {
     group.set_patience(Some(Duration::from_millis(2)))?;
     let mut line = Link::open(&options.line)?;
     let mut incoming = line.another()?;
-    println!("{} is in the group {}", options.line, options.place);
+    console::print_line!("{} is in the group {}", options.line, options.place);
     let (sender, frames) = channel();
     let reader = thread::spawn(move || -> Result<()> {
         let (mut frames, mut buffer) = (FromLine::default(), [0; 1_024]);
@@ -64,7 +64,7 @@ pub fn run(options: &Options) -> Result<()> {
             .try_iter()
             .for_each(|frame: Vec<u8>| group.send(&frame));
     }
-    println!("{refused} datagrams were no whole frames, and stayed out");
+    console::print_line!("{refused} datagrams were no whole frames, and stayed out");
     drop(frames);
     match reader.join() {
         Ok(ended) => ended,

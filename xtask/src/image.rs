@@ -103,6 +103,11 @@ pub fn cargo() -> Command {
     // The cargo that runs us, or rustup's, which knows the pinned one.
     let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo.current_dir(root());
+    // What a user builds other things with would put ours elsewhere, or take the place of the flags that
+    // the firmware is linked with.
+    for foreign in ["CARGO_BUILD_TARGET", "CARGO_ENCODED_RUSTFLAGS", "RUSTFLAGS"] {
+        cargo.env_remove(foreign);
+    }
     cargo
 }
 

@@ -77,11 +77,11 @@ pub fn run(options: &Options) -> Result<ExitCode> {
     progress.finish_and_clear();
     let took_s = started.elapsed().as_secs_f64();
     if options.json {
-        println!("{}", value(&seeds, &detectable, &undetectable));
+        console::print_line!("{}", value(&seeds, &detectable, &undetectable));
     } else {
-        print!("{}", text(&seeds, &detectable, &undetectable));
+        console::print_text!("{}", text(&seeds, &detectable, &undetectable));
     }
-    eprintln!(
+    console::print_error!(
         "{total} schedules in {took_s:.1} s: {:.0} times as fast as time",
         (detectable.lasted_s + undetectable.lasted_s) / took_s
     );
@@ -223,7 +223,7 @@ fn write_worst(options: &Options, detectable: &Campaign) -> Result<()> {
                 )
             },
         );
-        eprintln!("{}: {misled}; {}", file.display(), kinds.join(", "));
+        console::print_error!("{}: {misled}; {}", file.display(), kinds.join(", "));
     }
     Ok(())
 }

@@ -18,6 +18,8 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use serialport::SerialPort;
 
+use crate::system;
+
 /// The longest time that a read waits.
 const PATIENCE: Duration = Duration::from_millis(20);
 
@@ -37,13 +39,13 @@ pub enum Address {
 
 /// What an address looks like, for the message about one that does not.
 const ALLOWED: &str = "allowed: tcp:HOST:PORT, udp:HOST:PORT, serial:DEVICE[:BAUD], \
-                       as in tcp:127.0.0.1:5760 or serial:/dev/ttyACM0:115200";
+                       as in tcp:127.0.0.1:5760 or";
 
 impl FromStr for Address {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = |what: &str| Err(format!("{what}; {ALLOWED}"));
+        let wrong = |what: &str| Err(format!("{what}; {ALLOWED} {}", system::SERIAL_LINE));
         let Some((kind, rest)) = text.split_once(':') else {
             return wrong("no kind of line before a colon");
         };
@@ -230,6 +232,11 @@ mod tests {
             (
                 "serial:/dev/ttyACM0",
                 Address::Serial("/dev/ttyACM0".into(), 115_200),
+            ),
+            ("serial:COM3", Address::Serial("COM3".into(), 115_200)),
+            (
+                "serial:/dev/tty.usbmodem1101:57600",
+                Address::Serial("/dev/tty.usbmodem1101".into(), 57_600),
             ),
             (
                 "serial:/dev/ttyUSB1:57600",

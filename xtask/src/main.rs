@@ -5,6 +5,8 @@
 //!
 //! *Limits.* Exit codes: 0 = did it, 1 = found a failure, 2 = wrong usage.
 
+#![warn(clippy::print_stderr, clippy::print_stdout)]
+
 mod bench;
 mod board_test;
 mod card;
@@ -30,11 +32,13 @@ mod replay;
 mod sim;
 mod size;
 mod status;
+mod system;
 mod testbed;
 mod tool;
 mod upload;
 mod venv;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use anyhow::Result;
@@ -111,8 +115,12 @@ enum Verb {
 }
 
 fn main() -> ExitCode {
-    run().unwrap_or_else(|error| {
-        eprintln!("error: {error:#}");
+    let ended = run();
+    if console::is_output_gone() {
+        return ExitCode::FAILURE;
+    }
+    ended.unwrap_or_else(|error| {
+        console::print_error!("error: {error:#}");
         ExitCode::FAILURE
     })
 }
@@ -149,8 +157,8 @@ fn run() -> Result<ExitCode> {
 }
 
 /// The arguments after the verb, for the tool that reads the same options.
-fn own_arguments() -> Vec<String> {
-    std::env::args().skip(2).collect()
+fn own_arguments() -> Vec<OsString> {
+    std::env::args_os().skip(2).collect()
 }
 
 fn done(result: Result<()>) -> Result<ExitCode> {

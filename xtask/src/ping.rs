@@ -61,10 +61,10 @@ pub fn run(options: &Options) -> Result<ExitCode> {
         if round.nodes.iter().any(|node| node.answers.is_empty()) {
             return Err(error);
         }
-        eprintln!("{error:#}");
+        console::print_error!("{error:#}");
     }
     if options.json {
-        println!("{:#}", round.to_json());
+        console::print_line!("{:#}", round.to_json());
     } else {
         round.print_summary();
     }
@@ -74,7 +74,7 @@ pub fn run(options: &Options) -> Result<ExitCode> {
     }
     let mut code = ExitCode::SUCCESS;
     for node in round.nodes.iter().filter(|node| node.answers.is_empty()) {
-        eprintln!("{}", node.why_none());
+        console::print_error!("{}", node.why_none());
         code = ExitCode::FAILURE;
     }
     Ok(code)
@@ -176,10 +176,10 @@ impl Rounds {
 
     fn print_summary(&self) {
         for (name, node) in self.names().iter().zip(&self.nodes) {
-            println!("{name}{}", node.summary());
+            console::print_line!("{name}{}", node.summary());
         }
         for (first, second, pair) in &self.pairs {
-            println!("{} less {}: {pair}", first + 1, second + 1);
+            console::print_line!("{} less {}: {pair}", first + 1, second + 1);
         }
         if self.nodes.len() > 1 {
             let own_time = if self.nodes.iter().all(Node::has_rate) {
@@ -187,8 +187,10 @@ impl Rounds {
             } else {
                 "with the bytes' own time in it where no rate is known (--line-baud)"
             };
-            println!("proved: half the sum of the round trips, {own_time}");
-            println!("assumed: half their difference, if requests take the same share of both");
+            console::print_line!("proved: half the sum of the round trips, {own_time}");
+            console::print_line!(
+                "assumed: half their difference, if requests take the same share of both"
+            );
         }
     }
 
@@ -220,7 +222,7 @@ fn report(
 ) {
     let say = |line: String| {
         if !options.json {
-            println!("seq {seq:<4} {line}");
+            console::print_line!("seq {seq:<4} {line}");
         }
     };
     for &(index, answer) in answers {

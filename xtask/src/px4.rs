@@ -41,7 +41,7 @@ pub fn write(options: &Options) -> Result<()> {
     let path = options.file.display();
     image::keep(&options.file, file.to_json().as_bytes())
         .with_context(|| format!("cannot write {path}"))?;
-    println!(
+    console::print_line!(
         "{path}: {} bytes, version {}",
         file.image.bytes().len(),
         file.version

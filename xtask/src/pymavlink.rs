@@ -26,7 +26,7 @@ pub fn run() -> Result<()> {
     let python = match venv::with("pymavlink-venv", "pymavlink", &[&[PYMAVLINK]]) {
         Ok(python) => python,
         Err(error) if std::env::var_os("CI").is_none() => {
-            println!("SKIPPED: pymavlink could not be installed: {error:#}");
+            console::print_line!("SKIPPED: pymavlink could not be installed: {error:#}");
             return Ok(());
         }
         Err(error) => return Err(error),
@@ -38,7 +38,7 @@ pub fn run() -> Result<()> {
             if std::env::var_os("CI").is_some() {
                 return Err(error);
             }
-            println!("SKIPPED: {error}");
+            console::print_line!("SKIPPED: {error}");
             continue;
         }
         let mut board = Board::start(emulator, port, DURATION_S)?;

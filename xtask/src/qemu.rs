@@ -109,20 +109,20 @@ pub fn run(options: &QemuOptions) -> Result<ExitCode> {
 /// Says what runs, where it can be talked to, and what the columns mean.
 fn announce(options: &console::Options) {
     let variant = options.variant();
-    println!(
+    console::print_line!(
         "QEMU {MACHINE}, {}, tick {} µs",
         variant.name(),
         variant.tick_us()
     );
     for index in 0..options.qemu_boards() {
-        println!(
+        console::print_line!(
             "board {}: tcp:127.0.0.1:{}, MAVLink system {}",
             index + 1,
             options.mavlink_port_of(index),
             system_id(index)
         );
     }
-    println!(
+    console::print_line!(
         "{}; ± is what the clock claims",
         match options.ubx {
             Some(_) => "a recording has no true time to compare with",

@@ -39,7 +39,9 @@ pub fn check() -> Result<()> {
     for tick_us in TICKS_US {
         let expected = 1_000_000 / tick_us as usize;
         let counted = count(tick_us)?;
-        println!("tick {tick_us:>4} µs: {counted} interrupts in a second, {expected} wanted");
+        console::print_line!(
+            "tick {tick_us:>4} µs: {counted} interrupts in a second, {expected} wanted"
+        );
         if counted.abs_diff(expected) > expected / 1_000 + 1 {
             bail!("the tick of {tick_us} µs does not come as often as it should");
         }

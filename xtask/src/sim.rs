@@ -1,5 +1,6 @@
 //! `sim`: virtual Pixhawks with simulated or replayed receivers, in real time.
 
+use std::ffi::OsString;
 use std::process::{Command, ExitCode};
 
 use anyhow::Result;
@@ -7,14 +8,14 @@ use console::SimOptions;
 use variant::Image;
 
 use crate::image::{self, Board, Build};
-use crate::tool;
+use crate::{system, tool};
 
 /// Builds the image and the emulator, if they are not up to date, and runs them.
 ///
 /// # Errors
 ///
 /// When one of them cannot be built.
-pub fn run(options: &SimOptions, arguments: &[String]) -> Result<ExitCode> {
+pub fn run(options: &SimOptions, arguments: &[OsString]) -> Result<ExitCode> {
     let mut command = Command::new(tool::build("sim")?);
     command.args(arguments);
     if options.shared.image.is_none() {
@@ -25,5 +26,5 @@ pub fn run(options: &SimOptions, arguments: &[String]) -> Result<ExitCode> {
         })?;
         command.arg("--image").arg(image);
     }
-    tool::become_it(&mut command)
+    system::become_it(&mut command)
 }

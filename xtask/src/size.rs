@@ -56,13 +56,13 @@ pub fn check(json: bool) -> Result<()> {
             "elsewhere_bytes": size.elsewhere,
             "stanag_bytes_more": stanag_more, "stanag_limit_bytes": STANAG_LIMIT,
         });
-        println!("{value}");
+        console::print_line!("{value}");
     } else {
-        println!("flash      {:>6} of {FLASH_LIMIT} bytes", size.flash);
-        println!("static RAM {:>6} of {RAM_LIMIT} bytes", size.ram);
-        println!("samples    {:>6} bytes in CCM and SRAM3", size.elsewhere);
+        console::print_line!("flash      {:>6} of {FLASH_LIMIT} bytes", size.flash);
+        console::print_line!("static RAM {:>6} of {RAM_LIMIT} bytes", size.ram);
+        console::print_line!("samples    {:>6} bytes in CCM and SRAM3", size.elsewhere);
         let mark = if stanag_more > STANAG_LIMIT { " !" } else { "" };
-        println!(
+        console::print_line!(
             "STANAG     {stanag_more:>6} of {STANAG_LIMIT} bytes of flash more{mark}; none without"
         );
     }

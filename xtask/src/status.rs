@@ -53,10 +53,10 @@ pub fn run(options: &Options) -> Result<()> {
             return Ok(());
         };
         match (options.json, options.every) {
-            (true, true) => println!("{}", status.to_json()),
-            (true, false) => println!("{:#}", status.to_json()),
-            (false, true) => println!("{}", on_one_line(&status)),
-            (false, false) => print!("{}", in_columns(&status)),
+            (true, true) => console::print_line!("{}", status.to_json()),
+            (true, false) => console::print_line!("{:#}", status.to_json()),
+            (false, true) => console::print_line!("{}", on_one_line(&status)),
+            (false, false) => console::print_text!("{}", in_columns(&status)),
         }
         if !options.every {
             return Ok(());
@@ -169,7 +169,7 @@ impl Board {
             .collect();
         for what in &received {
             if let Message::StatusText { severity, text } = what.message {
-                eprintln!("{} {}", severity_name(severity), text.as_str());
+                console::print_error!("{} {}", severity_name(severity), text.as_str());
             }
         }
         Ok(received)

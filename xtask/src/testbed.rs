@@ -13,6 +13,7 @@ mod board;
 mod emulated;
 mod test;
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 
@@ -26,7 +27,7 @@ use crate::ctrl_c;
 use crate::image::{self, Board, Build};
 use crate::link::{Address, Link};
 use crate::qemu;
-use crate::tool;
+use crate::{system, tool};
 use board::Connected;
 
 /// Runs the experiment.
@@ -34,7 +35,7 @@ use board::Connected;
 /// # Errors
 ///
 /// When something cannot be built or started, or a board is not as it has to be.
-pub fn run(options: &Options, arguments: &[String]) -> Result<ExitCode> {
+pub fn run(options: &Options, arguments: &[OsString]) -> Result<ExitCode> {
     if options.one_line && !matches!(options.boards, Boards::At(_)) {
         wrong_usage("--one-line is about the wiring of real boards: name them with --boards");
     }
@@ -77,7 +78,7 @@ fn images(cases: &[Case], boards: usize) -> Vec<Image> {
     images
 }
 
-fn on_virtual_boards(options: &Options, arguments: &[String]) -> Result<ExitCode> {
+fn on_virtual_boards(options: &Options, arguments: &[OsString]) -> Result<ExitCode> {
     let mut command = Command::new(tool::build("testbed")?);
     command.args(arguments);
     for image in images(&options.cases(), options.crystals.ppb.len()) {
@@ -86,7 +87,7 @@ fn on_virtual_boards(options: &Options, arguments: &[String]) -> Result<ExitCode
             .arg("--image")
             .arg(format!("{image}={}", path.display()));
     }
-    tool::become_it(&mut command)
+    system::become_it(&mut command)
 }
 
 fn on_qemu(options: &Options) -> Result<ExitCode> {

@@ -99,7 +99,7 @@ pub fn run(options: &Options) -> Result<()> {
     };
     ctrl_c::catch()?;
     let image = &file.image;
-    println!(
+    console::print_line!(
         "{} {}: {} bytes for board {}",
         file.summary,
         file.version,
@@ -107,9 +107,11 @@ pub fn run(options: &Options) -> Result<()> {
         image.board_id()
     );
     let device = upload(address.as_ref(), &file)?;
-    println!(
+    console::print_line!(
         "programmed, checked and booted: board {}, revision {}, bootloader protocol {}",
-        device.board_id, device.revision, device.protocol
+        device.board_id,
+        device.revision,
+        device.protocol
     );
     Ok(())
 }
@@ -135,7 +137,7 @@ fn upload(address: Option<&Address>, file: &Px4File) -> Result<Device> {
         link = Link::open(&address)?;
     }
     let system = call_bootloader(&mut link)?;
-    println!("{system}");
+    console::print_line!("{system}");
     let Address::Serial(device, _) = &address else {
         return Ok(attempt(&mut link, file, RESTART)??);
     };
@@ -315,7 +317,7 @@ impl Shown {
             self.phase = progress.phase;
             self.bar.set_message(self.phase.to_string());
             if self.bar.is_hidden() {
-                println!("{}", self.phase);
+                console::print_line!("{}", self.phase);
             }
         }
         self.bar.set_position(progress.programmed as u64);

@@ -10,6 +10,8 @@
 //!
 //! *Limits.* Nothing here starts, stops or paces anything.
 
+#![warn(clippy::print_stderr, clippy::print_stdout)]
+
 mod board;
 mod event;
 mod image;
@@ -22,6 +24,7 @@ mod screen;
 mod status;
 mod summary;
 pub mod units;
+mod writer;
 
 pub use event::Event;
 pub use image::{
@@ -34,3 +37,6 @@ pub use sample::Sample;
 pub use screen::{Contents, Screen, Verdict};
 pub use status::Status;
 pub use summary::Ending;
+pub use writer::{
+    ends_by_itself, is_output_gone, write_bytes, write_error, write_line, write_text,
+};

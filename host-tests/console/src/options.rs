@@ -106,6 +106,10 @@ pub struct SimOptions {
     /// a unicast place each takes the next port
     #[arg(long, value_name = "GROUP:PORT", num_args = 0..=1, default_missing_value = STANAG_PLACE)]
     pub stanag: Option<String>,
+
+    /// Put this image of a memory card, of any size, into board 1: it is changed in place
+    #[arg(long, value_name = "IMAGE")]
+    pub card: Option<PathBuf>,
 }
 
 impl SimOptions {

@@ -2,10 +2,7 @@
 //!
 //! *Purpose.* Boards run in threads and [`Report`]; one thread prints.
 //!
-//! *Design.* Colours are for a terminal: into a pipe or a file the lines go without them. With
-//! `--json` nothing is printed before the summary.
-//!
-//! *Limits.* A pipe that is closed ends the program.
+//! *Design.* With `--json` nothing is printed before the summary.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
@@ -71,18 +68,18 @@ pub fn show(
 /// Prints the summary of a run that ended with `endings`, one a board.
 pub fn print_summary(screen: &Screen, endings: &[Ending], json: bool) {
     if json {
-        println!("{}", screen.to_json(endings));
+        crate::print_line!("{}", screen.to_json(endings));
         return;
     }
     for line in screen.summary(endings) {
-        anstream::println!("{line}");
+        crate::print_line!("{line}");
     }
 }
 
 fn print_lines(screen: &mut Screen, json: bool) {
     while let Some(line) = screen.poll_line() {
         if !json {
-            anstream::println!("{line}");
+            crate::print_line!("{line}");
         }
     }
 }

@@ -82,28 +82,30 @@ impl Results {
             not_written.get_or_insert(error);
         }
         if options.json {
-            println!("{:#}", summary(&experiment));
+            console::print_line!("{:#}", summary(&experiment));
         } else {
-            print!("{}", text(&experiment));
+            console::print_text!("{}", text(&experiment));
         }
         for run in &experiment.runs {
             for (board, anomaly) in run.anomalies() {
-                eprintln!("{}, seed {}: {board}: {anomaly}", run.case, run.seed);
+                console::print_error!("{}, seed {}: {board}: {anomaly}", run.case, run.seed);
             }
         }
         if let Some(why) = &experiment.cut_short {
-            eprintln!("ended before its time: {why}; what was measured until then is kept");
+            console::print_error!(
+                "ended before its time: {why}; what was measured until then is kept"
+            );
         }
         let mut kept_in = folder.path().to_owned();
         if let Some(error) = &not_written {
             kept_in = Folder::rescue(&experiment)?;
-            eprintln!(
+            console::print_error!(
                 "{error:#}; everything was written to {} instead",
                 kept_in.display()
             );
         }
         if !options.json {
-            println!("the report: {}", kept_in.join("report.html").display());
+            console::print_line!("the report: {}", kept_in.join("report.html").display());
         }
         let broken = bounds::judge(&experiment).iter().any(|bound| !bound.holds);
         let spoiled = experiment

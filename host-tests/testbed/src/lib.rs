@@ -12,6 +12,8 @@
 //! *Limits.* A difference is seen through PINGs, whose moment an interrupt stamps. Answers
 //! have whole µs; the boards' own logs, where they are at hand, have ns.
 
+#![warn(clippy::print_stderr, clippy::print_stdout)]
+
 mod boards;
 pub mod bounds;
 mod case;

@@ -1,6 +1,7 @@
 //! The SD card's slot, and cards with what can be wrong with them.
 //!
-//! *Purpose.* A [`Card`] holds an image that a test has made and reads afterwards. It can be
+//! *Purpose.* A [`Card`] holds an image that a test has made and reads afterwards, or is a file, which
+//! it changes in place. It can be
 //! write-protected, slow, damaged on the way at a given block, and it can be pulled and put in.
 //!
 //! *Design.* The card itself is rigless's: its states, its commands, its blocks. Around it stands
@@ -14,6 +15,8 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::fs::File;
+use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
 
 use rigless::chip::Timeline;
 use rigless::chip::memory_card::MemoryCard;
@@ -64,6 +67,10 @@ pub enum Fault {
 /// An SD card.
 pub struct Card {
     card: MemoryCard,
+    /// Where its blocks are, if they are not in memory.
+    file: Option<File>,
+    /// The block that a command named last.
+    addressed: u32,
     blocks: usize,
     is_first_version: bool,
     is_write_protected: bool,
@@ -97,9 +104,33 @@ impl Card {
         }
     }
 
+    /// A card of the second version whose blocks are those of a file of any size, open to be read and
+    /// written, in place. Up to the next 512 KB, of which such a card has a whole number, it reads as 0.
+    ///
+    /// # Errors
+    ///
+    /// The file is empty, larger than a card can be, or has no size.
+    pub fn on_file(mut file: File) -> io::Result<Self> {
+        /// Blocks in the unit of a card's size (CSD version 2.0, 5.3.3), and units of the largest one.
+        const UNIT: u64 = 1_024;
+        const UNITS_MAX: u64 = 1 << 22;
+        let bytes = file.seek(SeekFrom::End(0))?;
+        let units = bytes.div_ceil(UNIT * BLOCK as u64);
+        if !(1..=UNITS_MAX).contains(&units) {
+            return Err(io::Error::other("a card has 1 byte to 2 TB"));
+        }
+        let blocks = usize::try_from(units * UNIT).map_err(io::Error::other)?;
+        Ok(Self {
+            file: Some(file),
+            ..Self::with(MemoryCard::empty(blocks), blocks)
+        })
+    }
+
     fn with(card: MemoryCard, blocks: usize) -> Self {
         Self {
             card,
+            file: None,
+            addressed: 0,
             blocks,
             is_first_version: false,
             is_write_protected: false,
@@ -150,7 +181,33 @@ impl Card {
         self.transfers[transfer as usize]
     }
 
-    /// All that it holds.
+    /// The block that is asked for, if it is a file's.
+    fn read_file(&mut self, block: &mut [u8]) -> io::Result<()> {
+        let Some(file) = &mut self.file else {
+            return Ok(());
+        };
+        block.fill(0);
+        file.seek(SeekFrom::Start(u64::from(self.addressed) * BLOCK as u64))?;
+        let mut rest = &mut *block;
+        while !rest.is_empty() {
+            match file.read(rest)? {
+                0 => break,
+                count => rest = rest.split_at_mut(count).1,
+            }
+        }
+        Ok(())
+    }
+
+    /// The block that is given, if it is for a file.
+    fn write_file(&mut self, block: &[u8]) -> io::Result<()> {
+        let Some(file) = &mut self.file else {
+            return Ok(());
+        };
+        file.seek(SeekFrom::Start(u64::from(self.addressed) * BLOCK as u64))?;
+        file.write_all(block)
+    }
+
+    /// All that it holds in memory.
     #[must_use]
     pub fn image(&self) -> Vec<u8> {
         (0..self.blocks)
@@ -286,6 +343,9 @@ impl sd::Card for Slot {
             return Answer::None;
         }
         let argument = card.argument(index, argument);
+        if let command::READ_SINGLE_BLOCK | command::WRITE_BLOCK = index {
+            card.addressed = argument;
+        }
         let answer = card.card.command(index, argument, context);
         card.completed(index, is_application, now, answer)
     }
@@ -301,7 +361,10 @@ impl sd::Card for Slot {
                 block.fill(0x5A);
                 Outcome::Corrupt
             }
-            _ => card.card.read(block),
+            _ => match card.card.read(block) {
+                Outcome::Whole if card.read_file(block).is_err() => Outcome::Ended,
+                outcome => outcome,
+            },
         }
     }
 
@@ -313,6 +376,7 @@ impl sd::Card for Slot {
             Some(Fault::Lost) => Outcome::Ended,
             // It throws a damaged block away.
             Some(Fault::Damaged) => Outcome::Corrupt,
+            _ if card.write_file(block).is_err() => Outcome::Ended,
             fault => {
                 card.has_taken = true;
                 card.busy_next_ns = match fault {

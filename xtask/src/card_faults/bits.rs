@@ -10,7 +10,7 @@ const FILE: [u8; 15_000] = [b'7'; 15_000];
 /// Flips each; returns how many flips were not treated as they should be.
 pub fn run(specimen: &Specimen) -> u64 {
     let mut failed = 0;
-    println!("every bit of: {}", specimen.name);
+    console::print_line!("every bit of: {}", specimen.name);
     let vital = specimen.census.vital();
     let mut names: Vec<&str> = vital.iter().map(|(name, _)| *name).collect();
     names.dedup();
@@ -25,12 +25,12 @@ pub fn run(specimen: &Specimen) -> u64 {
                 tally.add(outcome.word());
                 let is_panic = matches!(outcome, Outcome::Panicked);
                 if let Some(foreign) = &card.foreign {
-                    println!("  FOREIGN: bit {bit} of block {number}: {foreign}");
+                    console::print_line!("  FOREIGN: bit {bit} of block {number}: {foreign}");
                 }
                 failed += u64::from(is_panic || card.foreign.is_some());
             }
         }
-        println!("  {name:12} {}", tally.line());
+        console::print_line!("  {name:12} {}", tally.line());
     }
     failed
 }

@@ -45,13 +45,15 @@ pub fn run(specimens: &[Specimen]) -> u64 {
                 || outcome.word() == "saved" && file != "whole file";
             if is_wrong {
                 let word = outcome.word();
-                println!("  WRONG: cut after {writes} blocks: {word}, {file}, {missing:?}");
+                console::print_line!(
+                    "  WRONG: cut after {writes} blocks: {word}, {file}, {missing:?}"
+                );
             }
             failed += u64::from(is_wrong);
             card.powered();
             again.add(card.save(&FILE).word());
         }
-        println!(
+        console::print_line!(
             "power cut after each of {} blocks: {}: {}, at most {lost} lost clusters; once more: {}",
             whole.written,
             specimen.name,

@@ -43,12 +43,12 @@ pub fn run(specimens: &[Specimen], cards: u64) -> u64 {
         }
         tally.add(outcome.word());
         if let Some(foreign) = &card.foreign {
-            println!("  FOREIGN: card {seed}, {}: {foreign}", specimen.name);
+            console::print_line!("  FOREIGN: card {seed}, {}: {foreign}", specimen.name);
         }
         failed += u64::from(is_panic || card.foreign.is_some());
     }
-    println!("{cards} cards with several damages: {}", tally.line());
-    println!(
+    console::print_line!("{cards} cards with several damages: {}", tally.line());
+    console::print_line!(
         "  of which both copies agree on the damage: {}",
         alike.line()
     );

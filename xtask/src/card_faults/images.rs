@@ -21,18 +21,20 @@ pub fn run(script: &Path, only: &[String]) -> Result<()> {
     let rows = rows(script, only, &folder);
     std::fs::remove_dir_all(&folder)?;
     let rows = rows?;
-    println!("| card | is | outcome | blocks written | fsck before, after |");
-    println!("|---|---|---|---|---|");
+    console::print_line!("| card | is | outcome | blocks written | fsck before, after |");
+    console::print_line!("|---|---|---|---|---|");
     for (name, about, row) in &rows {
-        println!(
+        console::print_line!(
             "| `{name}` | {about} | {} | {} | {} |",
-            row.outcome, row.written, row.fsck
+            row.outcome,
+            row.written,
+            row.fsck
         );
     }
     let saved = rows
         .iter()
         .filter(|(_, _, row)| row.outcome.starts_with("saved"));
-    println!("\n{} cards, {} saved", rows.len(), saved.count());
+    console::print_line!("\n{} cards, {} saved", rows.len(), saved.count());
     let wrong: Vec<_> = rows
         .iter()
         .filter_map(|(name, _, row)| Some(format!("{name}: {}", row.wrong.as_ref()?)))
@@ -51,7 +53,7 @@ fn rows(script: &Path, only: &[String], folder: &Path) -> Result<Vec<(String, St
         let image = folder.join("card.img");
         python(script, &[name.as_ref(), image.as_os_str()])?;
         let row = image_check::check(&image, folder).with_context(|| name.to_owned())?;
-        eprintln!("{name}: {}", row.outcome);
+        console::print_error!("{name}: {}", row.outcome);
         rows.push((name.to_owned(), about.trim().to_owned(), row));
         std::fs::remove_file(&image)?;
     }

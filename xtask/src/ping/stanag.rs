@@ -104,11 +104,11 @@ pub fn run(options: &Options, targets: &[Target]) -> Result<ExitCode> {
             match ask(&mut group, id, sequence, options)? {
                 Some(answer) => {
                     if !options.json {
-                        println!("{target}: {answer}");
+                        console::print_line!("{target}: {answer}");
                     }
                     answers.push(answer);
                 }
-                None if !options.json => println!("{target}: seq={sequence} no answer"),
+                None if !options.json => console::print_line!("{target}: seq={sequence} no answer"),
                 None => {}
             }
             if sequence < options.count {
@@ -117,14 +117,14 @@ pub fn run(options: &Options, targets: &[Target]) -> Result<ExitCode> {
             }
         }
         if answers.is_empty() {
-            eprintln!("{target} did not answer");
+            console::print_error!("{target} did not answer");
             code = ExitCode::FAILURE;
         }
         let answers: Vec<_> = answers.iter().map(Answer::to_json).collect();
         all.push(json!({"node": target.to_string(), "answers": answers}));
     }
     if options.json {
-        println!("{:#}", json!(all));
+        console::print_line!("{:#}", json!(all));
     }
     Ok(code)
 }
@@ -141,13 +141,13 @@ fn discover(group: &mut Group, target: &Target) -> Result<bool> {
         };
         for said in station::read(datagram, TOOLS, host_utc_ns()?) {
             if said.what == What::Identity && !found.contains(&said.from) {
-                println!("{}/{}", target, said.from);
+                console::print_line!("{}/{}", target, said.from);
                 found.push(said.from);
             }
         }
     }
     if found.is_empty() {
-        eprintln!("nobody answers at {target} (`cargo xtask sim --stanag` starts one)");
+        console::print_error!("nobody answers at {target} (`cargo xtask sim --stanag` starts one)");
     }
     Ok(!found.is_empty())
 }

@@ -8,7 +8,6 @@
 
 use std::io::ErrorKind;
 use std::net::{TcpListener, TcpStream};
-use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread;
@@ -18,6 +17,7 @@ use anyhow::{Context, Result, bail};
 use variant::{Image, Variant};
 
 use crate::image::{self, Board, Build};
+use crate::system;
 
 /// The emulator and its machine: an STM32F405 with SysTick at 168 MHz.
 const QEMU: &str = "qemu-system-arm";
@@ -77,9 +77,8 @@ pub fn command(image: &Path) -> Command {
         .arg("-kernel")
         .arg(image)
         .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        // Ctrl-C is ours to handle.
-        .process_group(0);
+        .stdout(Stdio::piped());
+    system::keep_ctrl_c_from(&mut qemu);
     qemu
 }
 
@@ -109,7 +108,9 @@ pub fn power_on(qemu: &mut Command, mavlink: &str) -> Result<(Running, TcpStream
             Err(error) => return Err(error.into()),
         }
         if qemu.0.try_wait()?.is_some() {
-            bail!("QEMU ended by itself, see its message; is a port taken?");
+            bail!(
+                "QEMU ended by itself, see its message; is its port taken? `--mavlink-port` names another"
+            );
         }
         thread::sleep(LOOK_EVERY);
     }

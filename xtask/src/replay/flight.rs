@@ -8,7 +8,6 @@
 //! *Limits.* `misleading` adds up the runs of more than 1 s.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::process::ExitCode;
 
 use ::flight::demands::{self, Demand};
@@ -43,7 +42,7 @@ pub fn run(options: &Options, content: &[u8]) -> Result<ExitCode> {
         Some(table) => {
             let demands = demands_of(table, &name)?;
             if demands.is_empty() {
-                eprintln!("{}: no row names {name}", table.display());
+                console::print_error!("{}: no row names {name}", table.display());
                 return Ok(ExitCode::from(NOT_NAMED));
             }
             demands
@@ -69,25 +68,25 @@ pub fn run(options: &Options, content: &[u8]) -> Result<ExitCode> {
     flight_plot::draw(&flight, &replayed, &name, &svg)
         .with_context(|| format!("cannot draw {}", svg.display()))?;
     if options.json {
-        println!("{}", value(&replayed));
+        console::print_line!("{}", value(&replayed));
     } else {
-        print!("{}", table(&flight, &replayed));
-        println!("the picture is in {}", svg.display());
+        console::print_text!("{}", table(&flight, &replayed));
+        console::print_line!("the picture is in {}", svg.display());
     }
-    // Beside the one JSON object they would be in the way.
-    let mut out: Box<dyn std::io::Write> = if options.json {
-        Box::new(std::io::stderr())
-    } else {
-        Box::new(std::io::stdout())
-    };
     let mut is_met = true;
     for judged in &replayed.demands {
-        match judged.verdict() {
-            Ok(()) => writeln!(out, "met      {}", judged.demand)?,
+        let line = match judged.verdict() {
+            Ok(()) => format!("met      {}", judged.demand),
             Err(unmet) => {
                 is_met = false;
-                writeln!(out, "NOT MET  {}: {unmet}", judged.demand)?;
+                format!("NOT MET  {}: {unmet}", judged.demand)
             }
+        };
+        // Beside the one JSON object it would be in the way.
+        if options.json {
+            console::print_error!("{line}");
+        } else {
+            console::print_line!("{line}");
         }
     }
     Ok(if is_met {

@@ -84,7 +84,7 @@ pub fn run(options: &Options, bytes: &[u8]) -> Result<ExitCode> {
                 let outcome = clock.handle_mark(&mark, now);
                 if !options.json {
                     let at_s = now.as_nanos() as f64 / 1e9;
-                    println!("{at_s:>12.6} s  {}", described(&outcome));
+                    console::print_line!("{at_s:>12.6} s  {}", described(&outcome));
                 }
             }
         }
@@ -99,14 +99,14 @@ pub fn run(options: &Options, bytes: &[u8]) -> Result<ExitCode> {
             "bad_checksums": received.bad_checksums,
             "foreign_bytes": received.foreign_bytes,
         });
-        println!("{summary}");
+        console::print_line!("{summary}");
     } else {
-        println!(
+        console::print_line!(
             "{marks} NAV-PVT: {} accepted, {} refused",
             counted.accepted,
             counted.refused()
         );
-        println!("{counted:#?}\n{received:#?}");
+        console::print_line!("{counted:#?}\n{received:#?}");
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -34,15 +34,15 @@ pub fn run(options: &Options, content: &[u8]) -> Result<ExitCode> {
     plot::draw(&replayed, &title.to_string_lossy(), &svg)
         .with_context(|| format!("cannot draw {}", svg.display()))?;
     if options.json {
-        println!("{}", value(&trace, &replayed, &svg));
+        console::print_line!("{}", value(&trace, &replayed, &svg));
     } else {
         print(&trace, &replayed);
-        println!("the picture is in {}", svg.display());
+        console::print_line!("the picture is in {}", svg.display());
     }
     Ok(match replayed.violation {
         None => ExitCode::SUCCESS,
         Some(violation) => {
-            eprintln!("our clock violates an invariant: {violation}");
+            console::print_error!("our clock violates an invariant: {violation}");
             ExitCode::FAILURE
         }
     })
@@ -51,27 +51,33 @@ pub fn run(options: &Options, content: &[u8]) -> Result<ExitCode> {
 fn print(trace: &Trace, replayed: &Replayed) {
     let rows = &trace.rows;
     let lasts = rows[rows.len() - 1].arrival - rows[0].arrival;
-    println!("{} arrivals in {:.1} s", rows.len(), lasts as f64 * 1e-9);
+    console::print_line!("{} arrivals in {:.1} s", rows.len(), lasts as f64 * 1e-9);
     if trace.lifted_days > 0 {
-        println!(
+        console::print_line!(
             "their dates are older than any that the clock believes: lifted by {} days",
             trace.lifted_days
         );
     }
-    println!("published time about the best smooth line, in ms:");
-    println!(
+    console::print_line!("published time about the best smooth line, in ms:");
+    console::print_line!(
         "{:>11} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}",
-        "", "ahead", "mean", "p50", "p95", "p99", "max"
+        "",
+        "ahead",
+        "mean",
+        "p50",
+        "p95",
+        "p99",
+        "max"
     );
     let ms = |ns: f64| format!("{:.3}", ns / 1e6);
     for track in &replayed.tracks {
         let Some((ahead, spread)) = track.spread() else {
-            println!("{:>11} never set", track.name);
+            console::print_line!("{:>11} never set", track.name);
             continue;
         };
         let [p50, p95, p99, max] =
             [spread.p50, spread.p95, spread.p99, spread.max].map(|ns| ms(f64::from(ns)));
-        println!(
+        console::print_line!(
             "{:>11} {:>9} {:>9} {p50:>9} {p95:>9} {p99:>9} {max:>9}",
             track.name,
             ms(ahead as f64),
@@ -79,7 +85,7 @@ fn print(trace: &Trace, replayed: &Replayed) {
         );
     }
     let counters = &replayed.counters;
-    println!(
+    console::print_line!(
         "ours: {} accepted, {} refused, {} steps forward, {} back",
         counters.accepted,
         counters.refused(),

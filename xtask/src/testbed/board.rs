@@ -102,6 +102,9 @@ impl Connected {
         // Another system on a radio's line is no board.
         messages.retain(|one| self.address.is_none_or(|address| one.from == address));
         for received in &messages {
+            if let Message::StatusText { text, .. } = &received.message {
+                console::print_error!("{}: {}", self.name, text.as_str());
+            }
             if let Message::SystemTime {
                 time_unix_usec,
                 time_boot_ms,

@@ -238,7 +238,7 @@ fn begin(ready: &mut [Ready]) -> Result<()> {
             begins()?
         };
         if !has_begun {
-            eprintln!(
+            console::print_error!(
                 "{} did not confirm that a test begins: its own log may begin before it",
                 board.name
             );

@@ -49,7 +49,7 @@ pub fn wait_for_one() -> Result<Address> {
             );
         }
         if !is_said {
-            println!("no board is on USB; plug it in");
+            console::print_line!("no board is on USB; plug it in");
             is_said = true;
         }
         ctrl_c::check()?;

@@ -13,6 +13,8 @@
 //! takes longer. The other projects' figures were counted on another emulator (QEMU with
 //! `-icount`), in the same unit.
 
+#![warn(clippy::print_stderr, clippy::print_stdout)]
+
 mod board;
 mod jobs;
 mod noise;
@@ -74,7 +76,7 @@ fn main() -> anyhow::Result<ExitCode> {
     let (waits, sections) = waits::all(&subject)?;
     rows.extend(waits);
     if json {
-        println!(
+        console::print_line!(
             "{}",
             table::to_json(&rows, &gps_noise, &mavlink_noise, &sections)
         );

@@ -58,13 +58,15 @@ pub fn print(
     mavlink_noise: &NoiseCosts,
     sections: &Sections,
 ) {
-    println!(
+    console::print_line!(
         "{:<52} {:>8} {:>7}  others",
-        "instructions on the virtual board", "pixclock", "at most"
+        "instructions on the virtual board",
+        "pixclock",
+        "at most"
     );
     for row in rows {
         let decimals = usize::from(row.budget < 10.0 || row.cost.fract() != 0.0);
-        println!(
+        console::print_line!(
             "{:<52} {:>8.*} {:>7} {}{}",
             row.job,
             decimals * 2,
@@ -75,14 +77,14 @@ pub fn print(
         );
     }
     for (line, costs) in [("GPS", gps_noise), ("MAVLink", mavlink_noise)] {
-        println!("\na byte of noise on the {line} line, beyond its interrupt");
+        console::print_line!("\na byte of noise on the {line} line, beyond its interrupt");
         for (name, cost) in costs {
-            println!("  {name:<50} {cost:>8.2}");
+            console::print_line!("  {name:<50} {cost:>8.2}");
         }
     }
-    println!("\nthe longest sections that mask every interrupt, by where they begin");
+    console::print_line!("\nthe longest sections that mask every interrupt, by where they begin");
     for (function, length) in sections {
-        println!("  {length:>4}  {function}");
+        console::print_line!("  {length:>4}  {function}");
     }
 }
 

@@ -13,6 +13,8 @@
 //! far it once was. Exit code 1 if after `--duration` a clock had never been set, 2 for a wrong
 //! option; a run that Ctrl-C ends is no failure.
 
+#![warn(clippy::print_stderr, clippy::print_stdout)]
+
 mod life;
 mod setup;
 
@@ -48,7 +50,7 @@ fn main() -> ExitCode {
             .exit()
     });
     run(&options, &setup).unwrap_or_else(|error| {
-        eprintln!("error: {error:#}");
+        console::print_error!("error: {error:#}");
         ExitCode::FAILURE
     })
 }
@@ -64,7 +66,7 @@ fn run(options: &SimOptions, setup: &Setup) -> anyhow::Result<ExitCode> {
     let json = options.shared.json;
     if !json {
         for line in setup.announcement() {
-            println!("{line}");
+            console::print_line!("{line}");
         }
     }
     let mut screen = Screen::new(Contents {

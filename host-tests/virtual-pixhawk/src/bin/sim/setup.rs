@@ -2,13 +2,15 @@
 //!
 //! *Purpose.* What the options ask for, as boards with a crystal, a receiver and a line each.
 
+use std::fs::OpenOptions;
+use std::path::Path;
 use std::time::SystemTime;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, ensure};
 use console::{SimOptions, UtcNanos, Word};
 use stanag_net::Place;
 use stanag_wire::NodeId;
-use virtual_pixhawk::{Builder, Firmware, StanagLine, TcpLine};
+use virtual_pixhawk::{Builder, Card, Firmware, StanagLine, TcpLine};
 use world::{Receiver, ReceiverSettings, Recording};
 
 use crate::life::Life;
@@ -64,7 +66,8 @@ impl<'a> Setup<'a> {
     /// Its port is taken, or the emulator refuses its image.
     pub fn power_on(&self, index: u16) -> anyhow::Result<Life> {
         let mavlink_port = self.options.shared.mavlink_port_of(index);
-        let line = TcpLine::listen(mavlink_port)?;
+        let line = TcpLine::listen(mavlink_port)
+            .context("its port is taken; `--mavlink-port` names another one")?;
         let visits = line.visits();
         let id = system_id(index).into();
         let firmware = self.firmware.with_word(Word::SystemId, id)?;
@@ -81,6 +84,10 @@ impl<'a> Setup<'a> {
         let builder = match self.stanag_place(index) {
             Some(place) => builder.telem2(StanagLine::join(place)?),
             None => builder,
+        };
+        let builder = match &self.options.card {
+            Some(image) if index == 0 => builder.card(card(image).context("--card")?),
+            _ => builder,
         };
         let builder = match &self.recording {
             Some(recording) => builder.gps(recording.clone()),
@@ -148,6 +155,9 @@ impl<'a> Setup<'a> {
                 lines.push(format!("         stanag:{place}/{id}"));
             }
         }
+        if let Some(image) = &self.options.card {
+            lines.push(format!("in board 1: the card {}", image.display()));
+        }
         lines.push(
             match &options.ubx {
                 Some(_) => {
@@ -161,6 +171,24 @@ impl<'a> Setup<'a> {
         );
         lines
     }
+}
+
+/// A card whose blocks are those of an image; an image that cannot be written is write-protected.
+fn card(image: &Path) -> anyhow::Result<Card> {
+    let is_file = std::fs::metadata(image)
+        .with_context(|| format!("cannot open {}", image.display()))?
+        .is_file();
+    ensure!(
+        is_file,
+        "{} is no image, but a device or a folder",
+        image.display()
+    );
+    let mut how = OpenOptions::new();
+    how.read(true);
+    Ok(match how.clone().write(true).open(image) {
+        Ok(file) => Card::on_file(file)?,
+        Err(_) => Card::on_file(how.open(image)?)?.write_protected(),
+    })
 }
 
 /// The crystal of board `index`.

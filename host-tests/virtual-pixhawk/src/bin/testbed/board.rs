@@ -177,7 +177,9 @@ impl Prepared {
         }
         let gaps = running.board.gaps()?;
         if gaps != Gaps::default() {
-            eprintln!("the emulator has no model for what the firmware did here: {gaps:?}");
+            console::print_error!(
+                "the emulator has no model for what the firmware did here: {gaps:?}"
+            );
         }
         let lasted_ns = running.since_test(running.board.now().0.min(ends)).max(0);
         let test_utc_ns = START_UTC_NS + self.test_ns.cast_signed();

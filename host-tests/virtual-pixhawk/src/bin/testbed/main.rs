@@ -13,6 +13,8 @@
 //! *Limits.* Crystals do not wander. The laptop's line takes what the board's own
 //! 115200 baud take: a PING that is due while the one before still leaves, waits.
 
+#![warn(clippy::print_stderr, clippy::print_stdout)]
+
 mod board;
 mod outgoing;
 
@@ -44,7 +46,7 @@ fn main() -> ExitCode {
         wrong_usage("this program has virtual boards only; `cargo xtask testbed` has the others");
     }
     run(&options.made_quick()).unwrap_or_else(|error| {
-        eprintln!("error: {error:#}");
+        console::print_error!("error: {error:#}");
         ExitCode::FAILURE
     })
 }
@@ -98,7 +100,7 @@ fn println_estimate(options: &Options, cases: &[Case], each_s: u64) {
         each_s as f64 * ((1.0 - load) / idle + load / busy)
     };
     let s = options.seeds as f64 * cases.iter().map(of_case).sum::<f64>();
-    eprintln!(
+    console::print_error!(
         "{} rows of {} seeds: about {:.0} minutes on two cores",
         cases.len(),
         options.seeds,

@@ -1,0 +1,56 @@
+//! All that differs between the systems that a verb may run on: Linux, macOS and Windows.
+
+use std::process::{Command, ExitCode};
+
+use anyhow::{Context, Result};
+
+/// What a serial line is called here.
+pub const SERIAL_LINE: &str = if cfg!(windows) {
+    "serial:COM3:115200"
+} else if cfg!(target_os = "macos") {
+    "serial:/dev/tty.usbmodem1101:115200"
+} else {
+    "serial:/dev/ttyACM0:115200"
+};
+
+/// Becomes a tool: it takes over this process with its id, so that whoever signals or waits for the one
+/// that was started has the tool itself. Returns only the reason why it cannot be started.
+#[cfg(unix)]
+pub fn become_it(command: &mut Command) -> Result<ExitCode> {
+    use std::os::unix::process::CommandExt as _;
+    let error = command.exec();
+    Err(error).with_context(|| format!("cannot start {command:?}"))
+}
+
+/// Runs a tool to its end and ends as it does. Ctrl-C reaches both, and is the tool's to handle.
+#[cfg(not(unix))]
+pub fn become_it(command: &mut Command) -> Result<ExitCode> {
+    ctrlc::set_handler(|| {})?;
+    let ended = command.status();
+    let ended = ended.with_context(|| format!("cannot start {command:?}"))?;
+    let code = ended.code().and_then(|code| u8::try_from(code).ok());
+    Ok(ExitCode::from(code.unwrap_or(1)))
+}
+
+/// Keeps Ctrl-C from a program that is to be started: it is ours to handle.
+pub fn keep_ctrl_c_from(command: &mut Command) -> &mut Command {
+    #[cfg(unix)]
+    {
+        use std::os::unix::process::CommandExt as _;
+        command.process_group(0)
+    }
+    #[cfg(windows)]
+    {
+        use std::os::windows::process::CommandExt as _;
+        /// CREATE_NEW_PROCESS_GROUP of the Windows API's process creation flags.
+        const NEW_GROUP: u32 = 0x200;
+        command.creation_flags(NEW_GROUP)
+    }
+    #[cfg(not(any(unix, windows)))]
+    command
+}
+
+/// The name of a program's file.
+pub fn program(name: &str) -> String {
+    format!("{name}{}", std::env::consts::EXE_SUFFIX)
+}

@@ -19,7 +19,12 @@ const PRESCALER: u16 = 3;
 /// IWDG_RLR: 800 counts are 0.54 s at 47 kHz, and 1.51 s at 17 kHz.
 const RELOAD: u16 = 800 - 1;
 
-/// Starts it. Its first time is its longest at a quarter of the divider: 0.35 to 0.96 s.
+/// How often IWDG_SR is read: 5 periods of the oscillator are 0.3 ms at most, and a read takes at
+/// least 0.2 µs.
+const STATUS_READS: u32 = 10_000;
+
+/// Starts it. Feeding gives it the time that IWDG_RLR has, which is the longest there is, 4.1 s at
+/// 32 kHz, until the oscillator has taken the value over (RM0090, 21.4.4).
 pub fn start() {
     // SAFETY: the watchdog has no other user; the values are those above.
     unsafe {
@@ -28,6 +33,8 @@ pub fn start() {
         iwdg.kr().write(|w| w.bits(key::UNLOCK));
         iwdg.pr().write(|w| w.bits(PRESCALER));
         iwdg.rlr().write(|w| w.bits(RELOAD));
+        // If it does not come, the first time is longer, and nothing worse.
+        let _ = (0..STATUS_READS).any(|_| iwdg.sr().read().bits() == 0);
     }
     feed();
 }

@@ -216,7 +216,11 @@ fn judge(
         let after = began.0 - provoked.0;
         assert!(after <= within + 2 * LOOK, "{text}: {} ms", after / MS);
     } else {
-        board.run_for(is_over_within).unwrap();
+        let end = provoked.plus(is_over_within);
+        // Looked at this often, the next run has not come as far as what was patched.
+        while board.restarts().unwrap().is_empty() && board.now() < end {
+            board.run_for(MS / 10).unwrap();
+        }
     }
     if let Some((name, before)) = patched {
         // Only the first run meets it.
@@ -487,7 +491,6 @@ fn a_tick_that_stops_is_shown_and_reported_with_what_ran_instead() {
 /// With all interrupts masked nothing is left that could light the LED: the one case that waits for the
 /// watchdog.
 #[test]
-#[ignore = "fails: a hard fault is reported in place of the watchdog"]
 fn what_masks_all_interrupts_is_reported_after_the_watchdog() {
     let Some(firmware) = image() else { return };
     let case = Case {

@@ -32,6 +32,7 @@ mod replay;
 mod sim;
 mod size;
 mod status;
+mod synapse;
 mod system;
 mod testbed;
 mod tool;
@@ -110,6 +111,8 @@ enum Verb {
     Pymavlink,
     /// Let MAVProxy and MAVSDK meet `sim`, beside each other, in a venv of their own
     Clients,
+    /// Let `synapse-cdm` judge what a board says in STANAG 4586, in a venv of its own
+    Synapse,
     /// Everything that has to hold
     Ci,
 }
@@ -152,6 +155,7 @@ fn run() -> Result<ExitCode> {
         Verb::CardFaults(options) => done(card_faults::run(&options)),
         Verb::Pymavlink => done(pymavlink::run()),
         Verb::Clients => done(clients::run()),
+        Verb::Synapse => done(synapse::run()),
         Verb::Ci => done(ci::run_all()),
     }
 }

@@ -54,9 +54,24 @@ impl Board {
     ///
     /// When it cannot be started.
     pub fn start(emulator: &str, port: &str, duration_s: &str) -> Result<Self> {
+        Self::start_with(emulator, port, duration_s, &[])
+    }
+
+    /// The same, with `options` of that verb.
+    ///
+    /// # Errors
+    ///
+    /// When it cannot be started.
+    pub fn start_with(
+        emulator: &str,
+        port: &str,
+        duration_s: &str,
+        options: &[&str],
+    ) -> Result<Self> {
         let child = Command::new(std::env::current_exe()?)
             .args([emulator, "--boards", "1", "--duration", duration_s])
             .args(["--mavlink-port", port])
+            .args(options)
             .stdout(Stdio::null())
             .spawn()?;
         Ok(Self(child))

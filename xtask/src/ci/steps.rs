@@ -290,7 +290,7 @@ fn same_files_again(place: &Path) -> Vec<Step> {
 }
 
 /// What takes as long as it takes, whatever the machine. The ports are apart; pymavlink has 5790 and
-/// 5791, the clients 5792.
+/// 5791, the clients 5792, synapse-cdm 5793.
 fn in_real_time() -> Vec<Step> {
     let pulse = [
         "sim",
@@ -321,6 +321,7 @@ fn in_real_time() -> Vec<Step> {
         Step::xtask("ticks on qemu", &["qemu-ticks"]),
         Step::xtask("pymavlink", &["pymavlink"]),
         Step::xtask("MAVProxy and MAVSDK", &["clients"]),
+        Step::xtask("synapse-cdm", &["synapse"]),
     ]
 }
 
@@ -360,7 +361,7 @@ mod tests {
 
     #[test]
     fn what_runs_side_by_side_has_ports_of_its_own() {
-        let mut ports = BTreeSet::from([5_790, 5_791, 5_792]);
+        let mut ports = BTreeSet::from([5_790, 5_791, 5_792, 5_793]);
         for step in in_real_time() {
             let words = words(&step);
             let Some(verb) = words
@@ -376,6 +377,6 @@ mod tests {
                 assert!(ports.insert(port), "{port} of {}", step.name);
             }
         }
-        assert_eq!(ports.len(), 9);
+        assert_eq!(ports.len(), 10);
     }
 }

@@ -21,6 +21,9 @@ const MAVLINK_BAUDS: [u32; 2] = [115_200, 57_600];
 /// Lines that can speak STANAG 4586 instead of MAVLink, the default first: none.
 const STANAG_LINES: [&str; 2] = ["none", "telem2"];
 
+/// Characters of a string of USB's: its descriptor, of two bytes for each and two more, fits into a packet.
+const USB_STRING: usize = 31;
+
 /// Settings that have another name now, and that name.
 const RENAMED: [(&str, &str); 1] = [("PIXCLOCK_WAY", "PIXCLOCK_VARIANT")];
 
@@ -89,6 +92,18 @@ fn settings() -> String {
             &format!("GIT_HASH: u32 = {}", git_hash()),
         );
     }
+    let manufacturer = text("PIXCLOCK_USB_MANUFACTURER", "pixclock");
+    constant(
+        &mut settings,
+        "The manufacturer that the USB device names (`PIXCLOCK_USB_MANUFACTURER`).",
+        &format!("USB_MANUFACTURER: &str = {manufacturer:?}"),
+    );
+    let product = text("PIXCLOCK_USB_PRODUCT", "pixclock on a Pixhawk 1");
+    constant(
+        &mut settings,
+        "The product that the USB device names (`PIXCLOCK_USB_PRODUCT`).",
+        &format!("USB_PRODUCT: &str = {product:?}"),
+    );
     let [ping, _] = PINGS;
     let echo = choice("PIXCLOCK_PING", ping, PINGS, "") == "echo";
     constant(
@@ -208,6 +223,18 @@ where
             allowed.end()
         ),
     }
+}
+
+/// The value of the setting `name`, which is a string of USB's.
+fn text(name: &str, default: &str) -> String {
+    println!("cargo:rerun-if-env-changed={name}");
+    let text = env::var(name).unwrap_or_else(|_| default.to_owned());
+    let is_printable = text.bytes().all(|byte| matches!(byte, b' '..=b'~'));
+    assert!(
+        is_printable && (1..=USB_STRING).contains(&text.len()),
+        "{name} is `{text}`; allowed: 1 to {USB_STRING} printable ASCII characters"
+    );
+    text
 }
 
 fn constant(settings: &mut String, doc: &str, definition: &str) {

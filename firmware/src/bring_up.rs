@@ -17,6 +17,7 @@ use crate::drivers::led::Led;
 use crate::drivers::pulse::{self, Pulse};
 use crate::drivers::sdio::{Pins, Sdio};
 use crate::drivers::time::{self, NotStarted};
+use crate::drivers::usb::{self, Device, Port};
 use crate::drivers::{backup, freeze, watchdog};
 use crate::lines::{self, Lines};
 use crate::{board, executors, fault, priorities, sample_memory};
@@ -31,6 +32,8 @@ pub struct Hardware {
     pub samples: SampleLog<'static>,
     /// The slot of the SD card.
     pub card: Option<Card>,
+    /// The USB device, and its port.
+    pub usb: Option<(Device, Port)>,
     /// The amber LED.
     pub led: Led,
     /// RTS of TELEM1 and of TELEM2, held high by resistors.
@@ -95,6 +98,13 @@ pub fn bring_up() -> Hardware {
         };
         Card::new(Sdio::new(chip.SDIO, chip.DMA2, pins, &mut rcc))
     });
+    let usb = board::HAS_USB.then(|| {
+        let pins = usb::Pins {
+            data: (gpioa.pa11, gpioa.pa12),
+            vbus: gpioa.pa9,
+        };
+        usb::start(chip.OTG_FS_GLOBAL, pins, &mut rcc)
+    });
     // SAFETY: this runs once, since the peripherals can be taken once.
     let samples = unsafe { sample_memory::samples() };
     Hardware {
@@ -102,6 +112,7 @@ pub fn bring_up() -> Hardware {
         pulse,
         samples,
         card,
+        usb,
         led: Led::new(gpioe.pe12),
         ready,
         crystal,
@@ -115,6 +126,7 @@ fn set_priorities(nvic: &mut NVIC) {
         (Interrupt::UART4, priorities::SERIAL),
         (Interrupt::USART2, priorities::SERIAL),
         (Interrupt::USART3, priorities::SERIAL),
+        (Interrupt::OTG_FS, priorities::USB),
         (Interrupt::TIM4, priorities::PULSE),
         (executors::HIGH_INTERRUPT, priorities::EXECUTOR_HIGH),
         (executors::LOW_INTERRUPT, priorities::EXECUTOR_LOW),

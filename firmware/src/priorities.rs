@@ -1,7 +1,8 @@
 //! Who interrupts whom: the one table of priorities.
 //!
 //! *Design.* The tick stands above everything (Shim, Joo, Kim 2021, step II: the NVIC priority of
-//! SysTick at 0). Below it stand the serial lines, which stamp and store and wake no task; then the
+//! SysTick at 0). Below it stand the serial lines, which stamp and store and wake no task; then USB, which
+//! stamps and wakes, and whose packet waits in a FIFO; then the
 //! alarm, which wakes tasks, and beside it the pulse, whose stamp is the hardware's and can wait
 //! 774 µs; then the executor of what must be prompt, and last that of what may take its time. Thread
 //! level sleeps, so that after an interrupt which wakes no task the core sleeps again at once.
@@ -37,14 +38,16 @@ pub const TICK: u8 = match VARIANT {
 pub const WATCH: u8 = 0x00;
 /// UART4, USART2 and USART3, which stamp and store bytes.
 pub const SERIAL: u8 = ours_or(0x10, if cfg!(loaded) { NUTTX - 0x10 } else { NUTTX });
+/// OTG_FS, which stamps packets and empties the FIFO.
+pub const USB: u8 = ours_or(0x20, NUTTX);
 /// PendSV, which wakes tasks for due timers and for bytes in their ring.
-pub const ALARM: u8 = ours_or(0x20, NUTTX);
+pub const ALARM: u8 = ours_or(0x30, NUTTX);
 /// TIM4, which finds the round of a captured edge and wakes its task. Not above the alarm, which
 /// enables it.
 pub const PULSE: u8 = ALARM;
 /// The load's interrupts, and what its masked sections mask.
 #[cfg(loaded)]
-pub const LOAD: u8 = ours_or(0x30, NUTTX);
+pub const LOAD: u8 = ours_or(0x40, NUTTX);
 /// The load's tasks above the GNSS task.
 #[cfg(loaded)]
 pub const LOAD_ABOVE: u8 = ours_or(LOAD, NUTTX + 0x10);
@@ -56,18 +59,18 @@ pub const LOAD_BETWEEN: u8 = ours_or(EXECUTOR_LOW, NUTTX + 0x30);
 pub const LOAD_BELOW: u8 = EXECUTOR_LOW;
 /// The executor of the GNSS task, and without a load of the MAVLink task.
 pub const EXECUTOR_HIGH: u8 = if cfg!(loaded) {
-    ours_or(0x40, NUTTX + 0x20)
+    ours_or(0x50, NUTTX + 0x20)
 } else {
-    ours_or(0x30, NUTTX + 0x10)
+    ours_or(0x40, NUTTX + 0x10)
 };
 /// The executor of the MAVLink task in an image with a load.
 #[cfg(loaded)]
 pub const EXECUTOR_MAVLINK: u8 = ours_or(EXECUTOR_HIGH, NUTTX + 0x40);
 /// The executor of the status line and the LED.
 pub const EXECUTOR_LOW: u8 = if cfg!(loaded) {
-    ours_or(0x50, NUTTX + 0x50)
+    ours_or(0x60, NUTTX + 0x50)
 } else {
-    ours_or(0x40, NUTTX + 0x20)
+    ours_or(0x50, NUTTX + 0x20)
 };
 
 /// The priority of our variant, or that of the paper's.

@@ -22,11 +22,11 @@ use crate::not_saved::NotSaved;
 /// The last report of the GNSS task.
 pub static GNSS: Latest<GnssReport> = Latest::new();
 
-/// MAVLink's links: TELEM1, and TELEM2 unless it speaks STANAG 4586.
-pub const LINKS: usize = if cfg!(stanag) { 1 } else { 2 };
+/// MAVLink's links: TELEM1, TELEM2 unless it speaks STANAG 4586, and USB.
+pub const LINKS: usize = if cfg!(stanag) { 2 } else { 3 };
 
-/// The last report of the MAVLink task, by link.
-pub static MAVLINK: Latest<[LinkReport; LINKS]> = Latest::new();
+/// The last report of the MAVLink task, by link; of those that there are.
+pub static MAVLINK: Latest<[Option<LinkReport>; LINKS]> = Latest::new();
 
 /// What came over the line that speaks STANAG 4586.
 #[cfg(stanag)]

@@ -14,7 +14,8 @@ use crate::executors::{self, spawn};
 use crate::image_words;
 use crate::samples::SAMPLES;
 use crate::settings::VARIANT;
-use crate::tasks::{gnss, led, mavlink, paper, ready as ready_task, status};
+use crate::tasks::mavlink::Port;
+use crate::tasks::{gnss, led, mavlink, paper, ready as ready_task, status, usb as usb_task};
 use crate::{board, fault, lines, storage, story, supervision};
 
 #[cortex_m_rt::entry]
@@ -24,6 +25,7 @@ fn main() -> ! {
         pulse,
         samples,
         card,
+        usb,
         led,
         ready,
         crystal,
@@ -50,13 +52,19 @@ fn main() -> ! {
     let of_mavlink = high;
     #[cfg(loaded)]
     let of_mavlink = executors::start_mavlink();
+    let usb = usb.map(|(device, port)| {
+        // Device and port share what one executor may.
+        spawn(&of_mavlink, usb_task::run(device));
+        Port::Usb(port)
+    });
+    let telem1 = Some(Port::Serial(lines.telem1));
     #[cfg(not(stanag))]
     let links = mavlink::Lines {
-        mavlink: [lines.telem1, lines.telem2],
+        mavlink: [telem1, Some(Port::Serial(lines.telem2)), usb],
     };
     #[cfg(stanag)]
     let links = mavlink::Lines {
-        mavlink: [lines.telem1],
+        mavlink: [telem1, usb],
         stanag: lines.telem2,
     };
     spawn(&of_mavlink, mavlink::run(links));

@@ -15,6 +15,7 @@ mod crystal;
 pub use crystal::CrystalStart;
 
 pub use this::{
-    HAS_CARD_SLOT, HAS_CONSTANT_CLOCKS, NAME, SAMPLE_ROOM, WITNESS_PRESCALER, WITNESS_RATIO,
-    apb1_khz, clocks, read_pair, silicon, take_crystal_failure, take_over, unique_id, witness_khz,
+    HAS_CARD_SLOT, HAS_CONSTANT_CLOCKS, HAS_USB, NAME, SAMPLE_ROOM, WITNESS_PRESCALER,
+    WITNESS_RATIO, apb1_khz, clocks, read_pair, silicon, take_crystal_failure, take_over,
+    unique_id, witness_khz,
 };

@@ -15,6 +15,9 @@ pub const NAME: &str = "pixhawk1";
 /// Whether there is a slot for an SD card.
 pub const HAS_CARD_SLOT: bool = true;
 
+/// Whether there is a USB connector.
+pub const HAS_USB: bool = true;
+
 /// PSC of the witness, TIM5: 0, so that it counts every cycle of APB1's timer clock, 84 MHz.
 pub const WITNESS_PRESCALER: u16 = 0;
 

@@ -15,6 +15,9 @@ pub const NAME: &str = "qemu";
 /// Whether there is a slot for an SD card: QEMU has no model of SDIO.
 pub const HAS_CARD_SLOT: bool = false;
 
+/// Whether there is a USB connector: QEMU has no model of OTG_FS.
+pub const HAS_USB: bool = false;
+
 /// PSC of the witness, TIM5: 124, so that it counts 1 GHz / 125 = 8 MHz.
 pub const WITNESS_PRESCALER: u16 = 124;
 

@@ -10,3 +10,4 @@ mod receiver;
 #[cfg(stanag)]
 pub mod stanag;
 pub mod status;
+pub mod usb;

@@ -57,7 +57,11 @@ fn log() {
         reading.leap_seconds_known,
         clock.accepted,
         clock.refused(),
-        mavlink.map_or(0, |links| links.iter().map(|link| link.node.pings).sum()),
+        mavlink.map_or(0, |links| links
+            .iter()
+            .flatten()
+            .map(|link| link.node.pings)
+            .sum()),
         time::lost_ticks(),
         STACK.load(Relaxed),
         InLog(&Clock(clock)),
@@ -356,13 +360,17 @@ fn word(f: Formatter, key: defmt::Str, text: &str) {
 }
 
 /// What came over the MAVLink links, the keys of each with a word of its own before them.
-struct Mavlink(Option<[LinkReport; LINKS]>);
+struct Mavlink(Option<[Option<LinkReport>; LINKS]>);
 
 impl Part for Mavlink {
     #[inline(never)] // For the log and for MAVLink.
     fn write(&self, counts: &mut dyn Counts) {
-        let names = [link_name!("mav"), link_name!("mav2")];
+        #[cfg(not(stanag))]
+        let names = [link_name!("mav"), link_name!("mav2"), link_name!("usb")];
+        #[cfg(stanag)]
+        let names = [link_name!("mav"), link_name!("usb")];
         for (link, report) in names.iter().zip(self.0.iter().flatten()) {
+            let Some(report) = report else { continue };
             nonzero_of!(link, counts, report.node, {
                 "timesyncs": timesyncs,
                 "commands": commands,

@@ -2,16 +2,15 @@
 
 use heapless::Vec;
 use mavlink_node::{Node, Plotted};
-use timebase::{CORE_HZ, ClockState};
+use timebase::{CORE_HZ, ClockState, Cycles};
 use utc_clock::{Reading, SecondProof, Source};
 
-use super::link::Link;
+use super::link::{Link, Outgoing};
 use super::source::number;
 use super::words;
 use crate::clock;
 use crate::clock_events::{self, ClockEvent};
 use crate::drivers::time;
-use crate::drivers::uart::Writer;
 use crate::reports::{GNSS, GnssReport};
 use crate::settings::VARIANT;
 
@@ -29,22 +28,30 @@ pub fn news() -> News {
         .collect()
 }
 
-/// HEARTBEAT, SYSTEM_TIME, GPS_RAW_INT, what is plotted, and a STATUSTEXT for each event, on every link.
+/// HEARTBEAT, SYSTEM_TIME, GPS_RAW_INT, what is plotted, and a STATUSTEXT for each event, on every link that is open.
 #[inline(never)]
-pub fn once_a_second(links: &mut [Link], news: &News) {
+pub fn once_a_second<'a>(links: impl Iterator<Item = &'a mut Link>, news: &News) {
     let report = GNSS.get();
     for link in links {
-        broadcast(&mut link.node, &mut link.writer, report.as_ref(), news);
+        let now = time::now();
+        // Once a second is soon enough, and spares a timer at every burst of bytes.
+        link.node.handle_timeout(now);
+        if let Some(out) = link.port.open() {
+            broadcast(&mut link.node, out, now, report.as_ref(), news);
+        }
     }
 }
 
-fn broadcast(node: &mut Node, writer: &mut Writer, report: Option<&GnssReport>, news: &News) {
-    let now = time::now();
-    // Once a second is soon enough, and spares a timer at every burst of bytes.
-    node.handle_timeout(now);
+fn broadcast(
+    node: &mut Node,
+    out: &mut dyn Outgoing,
+    now: Cycles,
+    report: Option<&GnssReport>,
+    news: &News,
+) {
     let (node_time, reading) = clock::node_time_and_reading_at(now);
-    writer.send(&node.heartbeat(node_time));
-    writer.send(&node.system_time(node_time, is_reported(reading.state)));
+    out.send(&node.heartbeat(node_time));
+    out.send(&node.system_time(node_time, is_reported(reading.state)));
     let recent = report
         .and_then(|report| report.receiver.fix)
         .filter(|(arrival, _)| now.since(*arrival) < FIX_LASTS);
@@ -52,13 +59,13 @@ fn broadcast(node: &mut Node, writer: &mut Writer, report: Option<&GnssReport>, 
         Some((arrival, fix)) => (clock::node_time_at(arrival), Some(fix)),
         None => (node_time, None),
     };
-    writer.send(&node.gps_raw_int(fix_time, fix.as_ref()));
+    out.send(&node.gps_raw_int(fix_time, fix.as_ref()));
     for what in Plotted::ALL {
-        writer.send(&node.plot(node_time, what, value(what, &reading, report)));
+        out.send(&node.plot(node_time, what, value(what, &reading, report)));
     }
     for event in news {
         let (severity, text) = words::statustext(*event);
-        writer.send(&node.statustext(severity, &text));
+        out.send(&node.statustext(severity, &text));
     }
 }
 

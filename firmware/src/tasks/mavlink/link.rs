@@ -8,31 +8,88 @@ use core::task::{Context, Poll};
 
 use mavlink_node::{Config, Node, PingReply};
 use sample_log::BeginGuard;
-use timebase::Cycles;
+use timebase::StampedByte;
 
 use super::lookup::ThisBoard;
 use super::requests;
 use crate::drivers::uart::{Reader, Writer};
+use crate::drivers::{time, usb};
 use crate::reports::LinkReport;
 use crate::{board, image_words, settings};
 
-/// With this many bytes or fewer in the outgoing ring, the next frame of a long answer may follow:
+/// With this many bytes or fewer on their way out, the next frame of a long answer may follow:
 /// they last 5.5 ms at 115200. 173 bytes at most wait then, of 1023. The rest has room for an answer
 /// to each request in a full incoming ring (19, of 26 bytes each) and for what is kept for a second's
 /// broadcasts.
 const NEXT_BELOW: usize = 64;
 
+/// What frames go into.
+pub trait Outgoing {
+    /// Takes a whole frame, or none of it, and leaves `kept` bytes free; whether there was room.
+    fn send_leaving(&mut self, frame: &[u8], kept: usize) -> bool;
+
+    /// Bytes that have not left yet.
+    fn waiting(&self) -> usize;
+
+    /// Takes a whole frame, or none of it; whether there was room.
+    fn send(&mut self, frame: &[u8]) -> bool {
+        self.send_leaving(frame, 0)
+    }
+}
+
+impl Outgoing for Writer {
+    fn send_leaving(&mut self, frame: &[u8], kept: usize) -> bool {
+        Self::send_leaving(self, frame, kept)
+    }
+
+    fn waiting(&self) -> usize {
+        Self::waiting(self)
+    }
+}
+
+impl Outgoing for usb::Outgoing {
+    fn send_leaving(&mut self, frame: &[u8], kept: usize) -> bool {
+        Self::send_leaving(self, frame, kept)
+    }
+
+    fn waiting(&self) -> usize {
+        Self::waiting(self)
+    }
+}
+
+/// What a link goes over.
+pub enum Port {
+    /// A serial line.
+    Serial((Reader, Writer)),
+    /// USB.
+    Usb(usb::Port),
+}
+
+impl Port {
+    /// The way out, if somebody may be there.
+    pub fn open(&mut self) -> Option<&mut dyn Outgoing> {
+        match self {
+            Self::Serial((_, writer)) => Some(writer),
+            Self::Usb(port) => {
+                let out = port.outgoing();
+                out.is_open().then_some(out)
+            }
+        }
+    }
+}
+
 /// One link.
 pub struct Link {
     pub(super) node: Node,
-    pub(super) writer: Writer,
-    reader: Reader,
+    pub(super) port: Port,
     guard: BeginGuard,
+    /// It has begun the log anew, and the other links do not know yet.
+    has_new_log: bool,
 }
 
 impl Link {
-    /// Over a serial line.
-    pub fn new((reader, writer): (Reader, Writer)) -> Self {
+    /// Over `port`.
+    pub fn new(port: Port) -> Self {
         let node = Node::new(Config {
             system_id: image_words::system_id(),
             component_id: 1,
@@ -45,45 +102,54 @@ impl Link {
         });
         Self {
             node,
-            writer,
-            reader,
+            port,
             guard: BeginGuard::new(),
+            has_new_log: false,
         }
     }
 
-    /// Ready when bytes are there.
-    pub fn poll_wait(&mut self, context: &Context<'_>) -> Poll<()> {
-        self.reader.poll_wait(context)
+    /// Ready when [`Self::serve`] has something to do. What comes over USB is served here: a packet is one
+    /// wake-up, and another pass of the task's loop would cost as much again.
+    pub fn poll(&mut self, context: &mut Context<'_>) -> Poll<()> {
+        let Self {
+            node,
+            port,
+            guard,
+            has_new_log,
+        } = self;
+        match port {
+            Port::Serial((reader, _)) => reader.poll_wait(context),
+            Port::Usb(port) => {
+                while let Some(packet) = port.poll_packet(context) {
+                    *has_new_log |= push(node, packet.bytes(), port.outgoing(), guard);
+                    port.served(&packet);
+                }
+                go_on(node, port.outgoing());
+                port.poll_send(context);
+                if *has_new_log {
+                    Poll::Ready(())
+                } else {
+                    Poll::Pending
+                }
+            }
+        }
     }
 
-    /// Whether a long answer goes on when the line has room.
-    pub const fn has_more(&self) -> bool {
-        self.node.has_more()
+    /// Whether a long answer goes on at a time that nothing else shows.
+    pub const fn needs_pace(&self) -> bool {
+        matches!(self.port, Port::Serial(_)) && self.node.has_more()
     }
 
     /// Serves what has come in, and sends on what takes many frames; whether the log is another one now.
-    pub fn serve(&mut self, now: Cycles) -> bool {
-        let Self {
-            node,
-            writer,
-            reader,
-            guard,
-        } = self;
-        let mut is_new_log = false;
-        reader.take(|bytes| {
-            for &byte in bytes {
-                if let Some(request) = node.push(byte, now) {
-                    is_new_log |= requests::serve(node, writer, guard, &request);
-                }
-            }
-        });
-        while node.has_more()
-            && writer.waiting() <= NEXT_BELOW
-            && let Some(frame) = node.poll(&ThisBoard)
-        {
-            writer.send(&frame);
+    pub fn serve(&mut self) -> bool {
+        if let Port::Serial((reader, writer)) = &mut self.port {
+            let (node, guard) = (&mut self.node, &mut self.guard);
+            reader.take(|bytes| {
+                self.has_new_log |= push(node, bytes.iter().copied(), writer, guard);
+            });
+            go_on(node, writer);
         }
-        is_new_log
+        core::mem::take(&mut self.has_new_log)
     }
 
     /// Another link has begun the log anew.
@@ -95,7 +161,38 @@ impl Link {
     pub fn report(&self) -> LinkReport {
         LinkReport {
             node: self.node.counters(),
-            line: self.reader.errors(),
+            line: match &self.port {
+                Port::Serial((reader, _)) => reader.errors(),
+                Port::Usb(port) => port.errors(),
+            },
         }
+    }
+}
+
+/// Serves the requests among `bytes`; whether the log is another one now.
+#[inline(always)]
+fn push(
+    node: &mut Node,
+    bytes: impl Iterator<Item = StampedByte>,
+    out: &mut dyn Outgoing,
+    guard: &mut BeginGuard,
+) -> bool {
+    let now = time::now();
+    let mut is_new_log = false;
+    for byte in bytes {
+        if let Some(request) = node.push(byte, now) {
+            is_new_log |= requests::serve(node, out, guard, &request);
+        }
+    }
+    is_new_log
+}
+
+/// Sends on what takes many frames, while there is room for the answers to what comes in meanwhile.
+fn go_on(node: &mut Node, out: &mut dyn Outgoing) {
+    while node.has_more()
+        && out.waiting() <= NEXT_BELOW
+        && let Some(frame) = node.poll(&ThisBoard)
+    {
+        out.send(&frame);
     }
 }

@@ -24,11 +24,12 @@ use embassy_time::{Duration, Ticker, Timer};
 use fault_record::Hang;
 
 use crate::bootloader;
-use crate::drivers::time;
+#[cfg(stanag)]
 use crate::drivers::uart::{Reader, Writer};
 use crate::reports::{LINKS, MAVLINK};
 use crate::supervision::{self, COME_BY};
 use link::Link;
+pub use link::Port;
 
 /// From look to look at the outgoing rings while a long answer goes on; less than what such a frame
 /// follows upon lasts.
@@ -41,23 +42,30 @@ const LEAVES_AFTER: Duration = Duration::from_millis(200);
 /// The lines that the task has.
 pub struct Lines {
     /// Those that speak MAVLink.
-    pub mavlink: [(Reader, Writer); LINKS],
+    pub mavlink: [Option<Port>; LINKS],
     /// The one that speaks STANAG 4586.
     #[cfg(stanag)]
     pub stanag: (Reader, Writer),
 }
 
+/// The links that there are.
+type Links = [Option<Link>; LINKS];
+
 /// Runs forever, on the high executor.
 #[embassy_executor::task]
 pub async fn run(lines: Lines) {
-    let mut links = lines.mavlink.map(Link::new);
+    // One by one: a link is large, and an array of them would be on the stack beside this one.
+    let mut links: Links = [const { None }; LINKS];
+    for (link, port) in links.iter_mut().zip(lines.mavlink) {
+        *link = port.map(Link::new);
+    }
     #[cfg(stanag)]
     let mut stanag = super::stanag::Link::new(lines.stanag);
     let mut beat = Ticker::every(Duration::from_secs(1));
     loop {
         supervision::came_by(Hang::Mavlink);
-        let has_more = links.iter().any(Link::has_more);
-        let pace = Timer::after(if has_more { PACE } else { COME_BY });
+        let needs_pace = links.iter().flatten().any(Link::needs_pace);
+        let pace = Timer::after(if needs_pace { PACE } else { COME_BY });
         let received = poll_fn(|context| {
             #[cfg(stanag)]
             if stanag.poll_wait(context).is_ready() {
@@ -68,8 +76,8 @@ pub async fn run(lines: Lines) {
         let woken = select3(received, beat.next(), pace).await;
         if matches!(woken, Either3::Second(())) {
             let news = broadcast::news();
-            broadcast::once_a_second(&mut links, &news);
-            MAVLINK.set(links.each_ref().map(Link::report));
+            broadcast::once_a_second(links.iter_mut().flatten(), &news);
+            MAVLINK.set(links.each_ref().map(|link| link.as_ref().map(Link::report)));
             #[cfg(stanag)]
             stanag.once_a_second(&news);
         }
@@ -83,30 +91,28 @@ pub async fn run(lines: Lines) {
     }
 }
 
-/// Ready when bytes are there on any link; otherwise the task is woken by each.
-fn poll_any(links: &mut [Link], context: &Context<'_>) -> Poll<()> {
-    let waits = links
-        .iter_mut()
-        .map(|link| link.poll_wait(context))
-        .filter(Poll::is_pending)
-        .count();
-    if waits == links.len() {
-        Poll::Pending
-    } else {
+/// Ready when any link has something to be served; otherwise the task is woken by each.
+fn poll_any(links: &mut Links, context: &mut Context<'_>) -> Poll<()> {
+    let mut is_ready = false;
+    for link in links.iter_mut().flatten() {
+        is_ready |= link.poll(context).is_ready();
+    }
+    if is_ready {
         Poll::Ready(())
+    } else {
+        Poll::Pending
     }
 }
 
 /// Serves each link; a log that one has begun anew is not the one whose transfer another has.
-fn serve_all(links: &mut [Link]) {
-    let now = time::now();
+fn serve_all(links: &mut Links) {
     for index in 0..links.len() {
-        if links[index].serve(now) {
-            for (other, link) in links.iter_mut().enumerate() {
-                if other != index {
-                    link.handle_new_log();
-                }
-            }
+        if links[index].as_mut().is_some_and(Link::serve) {
+            let others = links.iter_mut().enumerate();
+            let others = others.filter(|(other, _)| *other != index);
+            others
+                .filter_map(|(_, link)| link.as_mut())
+                .for_each(Link::handle_new_log);
         }
     }
 }

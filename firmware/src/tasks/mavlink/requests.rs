@@ -5,10 +5,10 @@ use sample_log::{BeginGuard, Kept, Sample, SampleLog};
 use timebase::Cycles;
 use utc_clock::Reading;
 
+use super::link::Outgoing;
 use crate::bootloader;
 use crate::clock;
 use crate::clock_events::{self, ClockEvent};
-use crate::drivers::uart::Writer;
 use crate::samples::SAMPLES;
 
 /// Bytes of the outgoing ring that are no answer's: HEARTBEAT and what else is sent each second takes
@@ -19,7 +19,7 @@ const KEPT: usize = 256;
 #[inline(never)]
 pub fn serve(
     node: &mut Node,
-    writer: &mut Writer,
+    out: &mut dyn Outgoing,
     guard: &mut BeginGuard,
     request: &Request,
 ) -> bool {
@@ -43,7 +43,7 @@ pub fn serve(
         }
         RequestKind::Ping { .. } | RequestKind::TimeSync { .. } => {}
     }
-    let is_answered = writer.send_leaving(&node.answer(&request, time), KEPT);
+    let is_answered = out.send_leaving(&node.answer(&request, time), KEPT);
     if let RequestKind::Ping { time_usec, seq } = request.kind
         && is_answered
     {

@@ -26,6 +26,7 @@ use crate::card::{Card, Slot};
 use crate::meter::Meter;
 use crate::probe::Probe;
 use crate::pulse_wire::PulseWire;
+use crate::usb::{Host, Part};
 use crate::wire::Wire;
 
 /// The crystal of the Pixhawk 1 (PX4 `boards/px4/fmu-v2`, `board.h`), in Hz.
@@ -76,7 +77,7 @@ impl FromStr for CyclesPerInstruction {
 /// The board that the emulator runs.
 #[derive(Debug)]
 pub(crate) struct Pixhawk1 {
-    pub(crate) mcu: Stm32f427,
+    pub(crate) mcu: Part,
     pub(crate) pulse: PulseWire,
     hse_hz: u64,
     pace: CyclesPerInstruction,
@@ -93,6 +94,8 @@ pub(crate) struct Plugged {
     /// On AUX5.
     pub(crate) pulse: PulseWire,
     pub(crate) card: Option<Card>,
+    /// Where the USB connector leads.
+    pub(crate) usb: Host,
 }
 
 impl Store for Pixhawk1 {}
@@ -114,6 +117,7 @@ impl Pixhawk1 {
         mcu.usart[TELEM1].attach(plugged.telem1);
         mcu.usart[TELEM2].attach(plugged.telem2);
         mcu.sdio.attach(Slot(plugged.card));
+        let mcu = Part::new(mcu, plugged.usb)?;
         Ok(Self {
             mcu,
             pulse: plugged.pulse,

@@ -14,7 +14,7 @@
 //!
 //! *Limits.* Each instruction takes the same time, one cycle unless [`CyclesPerInstruction`]
 //! says otherwise: no wait states, no time for entering an exception. A UART's words take the
-//! board's own ten bit times. The USB device and hardware flow control have no model. The crystal
+//! board's own ten bit times. Hardware flow control has no model. The crystal
 //! does not wander during a run.
 
 mod board;
@@ -40,6 +40,7 @@ mod stepping;
 mod tally;
 mod tcp;
 mod upload_bootloader;
+mod usb;
 mod waveform;
 mod wire;
 
@@ -58,4 +59,5 @@ pub use stanag::StanagLine;
 pub use tally::Tally;
 pub use tcp::{TcpLine, Visits};
 pub use upload_bootloader::UploadBootloader;
+pub use usb::{Host, Transfer as ControlTransfer};
 pub use wire::ReceivedByte;

@@ -35,6 +35,7 @@ use crate::probe::Probe;
 use crate::pulse_wire::{PulseWire, synchronised};
 use crate::script::Script;
 use crate::upload_bootloader::UploadBootloader;
+use crate::usb::Host;
 use crate::wire::{ReceivedByte, Wire};
 
 /// The variable that says how many cycles an instruction takes on a board whose builder has no setting
@@ -82,6 +83,7 @@ pub struct Builder {
     telem2: Box<dyn Talker + Send>,
     pulse: PulseWire,
     card: Option<Card>,
+    usb: Host,
 }
 
 /// A virtual Pixhawk 1 that runs an image.
@@ -119,6 +121,7 @@ impl Builder {
             telem2: Box::new(Script::default()),
             pulse: PulseWire::new(std::iter::empty()),
             card: None,
+            usb: Host::new(Script::default()).unplugged(),
         }
     }
 
@@ -208,6 +211,13 @@ impl Builder {
         self
     }
 
+    /// Connects the USB connector with `host`.
+    #[must_use]
+    pub fn usb(mut self, host: Host) -> Self {
+        self.usb = host;
+        self
+    }
+
     /// Gives it power. It stands at the world's start, before its first instruction.
     ///
     /// # Errors
@@ -227,6 +237,7 @@ impl Builder {
             telem2,
             pulse,
             card,
+            usb,
         } = self;
         let meter = Meter::default();
         let probe = Probe::default();
@@ -240,6 +251,7 @@ impl Builder {
                 telem2: Wire::new(telem2),
                 pulse,
                 card,
+                usb,
             },
             meter.clone(),
             probe.clone(),
@@ -408,6 +420,33 @@ impl Pixhawk {
             slot.map(|slot| std::mem::replace(slot, card))
         })?
         .context("the board has no slot")
+    }
+
+    /// Has `act` do something with the host at the USB connector.
+    ///
+    /// # Errors
+    ///
+    /// The emulator gave up.
+    pub fn with_usb<T: Send + 'static>(
+        &mut self,
+        act: impl FnOnce(&mut Host) -> T + Send + 'static,
+    ) -> anyhow::Result<T> {
+        self.order(move |stopped| {
+            let at = stopped.stop.at;
+            stopped.session.board_mut().mcu.with_host(at, act)
+        })
+    }
+
+    /// The USB's bus is suspended, or resumed.
+    ///
+    /// # Errors
+    ///
+    /// The emulator gave up.
+    pub fn suspend_usb(&mut self, is_suspended: bool) -> anyhow::Result<()> {
+        self.order(move |stopped| {
+            let at = stopped.stop.at;
+            stopped.session.board_mut().mcu.suspend(at, is_suspended);
+        })
     }
 
     /// Where the firmware went beyond the emulator's models.

@@ -47,4 +47,6 @@ mod traffic;
 #[cfg(test)]
 mod upload;
 #[cfg(test)]
+mod usb;
+#[cfg(test)]
 mod visible;

@@ -1,0 +1,84 @@
+//! The board's USB, with a host that enumerates it as Linux does.
+
+use mavlink_node::Version;
+use virtual_pixhawk::{Builder, ControlTransfer, Firmware, Gaps, Host, Pixhawk, Script};
+use world::{Receiver, Transmission, WorldNanos};
+
+use crate::common::{MS, SECOND, image, ping_answers, pings, receiver_settings};
+
+/// When the host has set the port up.
+const OPEN_AT: WorldNanos = WorldNanos(SECOND);
+
+/// A board with a host whose program sends `requests`.
+fn board(firmware: &Firmware, requests: impl IntoIterator<Item = Transmission>) -> Pixhawk {
+    Builder::new(firmware.clone())
+        .gps(Receiver::new(receiver_settings()))
+        .usb(Host::new(Script::new(requests)))
+        .power_on()
+        .unwrap()
+}
+
+/// What a descriptor of a string says.
+fn text(descriptor: &[u8]) -> String {
+    assert_eq!(usize::from(descriptor[0]), descriptor.len());
+    assert_eq!(descriptor[1], 3);
+    let units = descriptor[2..].chunks(2);
+    let units: Vec<u16> = units
+        .map(|two| u16::from_le_bytes([two[0], two[1]]))
+        .collect();
+    String::from_utf16(&units).unwrap()
+}
+
+#[test]
+fn a_host_finds_the_device_its_strings_and_a_port_that_can_be_set() {
+    let Some(firmware) = image() else { return };
+    let mut board = board(&firmware, []);
+    board.run_to(OPEN_AT).unwrap();
+    assert!(board.with_usb(|host| host.is_configured()).unwrap());
+    let transfers = board.with_usb(Host::take_transfers).unwrap();
+    let of = |setup: [u8; 4]| -> &ControlTransfer {
+        let found = transfers
+            .iter()
+            .rfind(|transfer| transfer.setup[..4] == setup);
+        found.unwrap_or_else(|| panic!("{setup:?} in {transfers:?}"))
+    };
+    let read = |setup| of(setup).data.clone().unwrap();
+    let device = read([0x80, 6, 0, 1]);
+    assert_eq!(device.len(), 18);
+    // pid.codes' test id; 64 bytes on endpoint 0.
+    assert_eq!(device[8..12], [0x09, 0x12, 0x01, 0x00]);
+    assert_eq!(device[7], 64);
+    let configuration = read([0x80, 6, 0, 2]);
+    assert_eq!(
+        usize::from(u16::from_le_bytes([configuration[2], configuration[3]])),
+        configuration.len()
+    );
+    // Self-powered.
+    assert_eq!(configuration[7] & 0x40, 0x40);
+    assert_eq!(text(&read([0x80, 6, 1, 3])), "pixclock");
+    assert_eq!(text(&read([0x80, 6, 2, 3])), "pixclock on a Pixhawk 1");
+    let serial = text(&read([0x80, 6, 3, 3]));
+    assert_eq!(serial.len(), 24);
+    assert!(
+        serial.chars().all(|digit| digit.is_ascii_hexdigit()),
+        "{serial}"
+    );
+    assert_eq!(read([0xA1, 0x21, 0, 0]), [0x00, 0xC2, 0x01, 0x00, 0, 0, 8]);
+    // DTR was taken.
+    assert!(of([0x21, 0x22, 3, 0]).data.is_some());
+    assert_eq!(board.gaps().unwrap(), Gaps::default());
+}
+
+#[test]
+fn of_100_pings_a_second_each_has_its_answer() {
+    let Some(firmware) = image() else { return };
+    let at = (0..1_000).map(|n| OPEN_AT.plus(n * 10 * MS));
+    let mut board = board(&firmware, pings(Version::V2, at));
+    board.run_to(OPEN_AT.plus(10 * SECOND + 100 * MS)).unwrap();
+    let received = board.with_usb(Host::take_received).unwrap();
+    let answered: Vec<u32> = ping_answers(&received)
+        .iter()
+        .map(|&(seq, _)| seq)
+        .collect();
+    assert_eq!(answered, (0..1_000).collect::<Vec<_>>());
+}

@@ -3,18 +3,18 @@
 //! *Design.* What waits is one piece, so that a packet is made of it in place. When there is no room behind it,
 //! it moves to the front, which costs less than a ring whose end lies in the middle of a frame.
 
-/// The box; it holds `N` bytes.
-pub struct Outbox<const N: usize> {
-    bytes: [u8; N],
+/// The box.
+pub struct Outbox {
+    bytes: &'static mut [u8],
     begin: usize,
     end: usize,
 }
 
-impl<const N: usize> Outbox<N> {
-    /// An empty one.
-    pub const fn new() -> Self {
+impl Outbox {
+    /// An empty one that holds as many bytes as `bytes` has.
+    pub const fn new(bytes: &'static mut [u8]) -> Self {
         Self {
-            bytes: [0; N],
+            bytes,
             begin: 0,
             end: 0,
         }
@@ -27,7 +27,7 @@ impl<const N: usize> Outbox<N> {
 
     /// Bytes that have room.
     pub const fn room(&self) -> usize {
-        N - self.len()
+        self.bytes.len() - self.len()
     }
 
     /// Puts `frame` behind the others; whether there was room.
@@ -35,7 +35,7 @@ impl<const N: usize> Outbox<N> {
         if self.room() < frame.len() {
             return false;
         }
-        if N - self.end < frame.len() {
+        if self.bytes.len() - self.end < frame.len() {
             self.bytes.copy_within(self.begin..self.end, 0);
             self.end -= self.begin;
             self.begin = 0;

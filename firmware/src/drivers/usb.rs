@@ -62,6 +62,9 @@ const EXTRA_WORDS: u16 = 30;
 /// Turnaround time for an AHB of 32 MHz or more (RM0090, table 200).
 const TURNAROUND: u8 = 6;
 
+/// Bytes of frames that may wait for the host.
+const OUTBOX: usize = 1_024;
+
 /// The endpoint on which the host sends: the first that the class asks for.
 const DATA: u8 = 1;
 
@@ -121,6 +124,7 @@ struct Memory {
     bos: [u8; 16],
     control: [u8; 64],
     out: [u8; 2 * PACKET],
+    outbox: [u8; OUTBOX],
     serial: [u8; 2 * UNIQUE_ID_LEN],
     class: cdc_acm::State<'static>,
 }
@@ -137,6 +141,7 @@ static MEMORY: Place = Place(
         bos: [0; 16],
         control: [0; 64],
         out: [0; 2 * PACKET],
+        outbox: [0; OUTBOX],
         serial: [0; 2 * UNIQUE_ID_LEN],
         class: cdc_acm::State::new(),
     }),
@@ -209,7 +214,10 @@ pub fn start(otg: OTG_FS_GLOBAL, pins: Pins, rcc: &mut Rcc) -> (Device, Port) {
     let class = CdcAcmClass::new(&mut builder, &mut memory.class, PACKET as u16);
     // SAFETY: what the handler uses exists since compile time; it has its priority.
     unsafe { NVIC::unmask(Interrupt::OTG_FS) };
-    (Device(builder.build()), Port::new(class))
+    (
+        Device(builder.build()),
+        Port::new(class, &mut memory.outbox),
+    )
 }
 
 /// A core after a reset, as a device, with its transceiver on and VBUS sensed at PA9.
@@ -309,7 +317,7 @@ pub struct Port {
 /// The way out.
 pub struct Outgoing {
     sender: cdc_acm::Sender<'static, Driver<'static>>,
-    outbox: Outbox<1024>,
+    outbox: Outbox,
     /// The last packet was a full one, and the host waits for one that is not.
     owes_end: bool,
     /// The host has configured the device, and a program has opened the port.
@@ -340,13 +348,13 @@ impl Packet {
 unsafe impl Send for Port {}
 
 impl Port {
-    fn new(class: Class) -> Self {
+    fn new(class: Class, outbox: &'static mut [u8]) -> Self {
         let (sender, receiver) = class.split();
         Self {
             receiver,
             outgoing: Outgoing {
                 sender,
-                outbox: Outbox::new(),
+                outbox: Outbox::new(outbox),
                 owes_end: false,
                 is_open: false,
                 is_configured: false,

@@ -89,6 +89,7 @@ pub struct Link {
 
 impl Link {
     /// Over `port`.
+    #[inline(never)]
     pub fn new(port: Port) -> Self {
         let node = Node::new(Config {
             system_id: image_words::system_id(),

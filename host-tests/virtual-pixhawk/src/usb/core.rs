@@ -219,6 +219,11 @@ impl Core {
             && self.global & 1 != 0
     }
 
+    /// Whether there is a cable, as far as it has been told.
+    pub(super) const fn has_vbus(&self) -> bool {
+        self.vbus
+    }
+
     /// Its address on the bus.
     pub(super) const fn address(&self) -> u32 {
         self.device >> 4 & 0x7F

@@ -101,7 +101,10 @@ impl std::fmt::Debug for Host {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Host")
             .field("is_plugged", &self.is_plugged)
+            .field("is_connected", &self.is_connected)
             .field("is_configured", &self.is_configured)
+            .field("steps", &self.steps.front())
+            .field("refused", &self.refused)
             .finish_non_exhaustive()
     }
 }
@@ -268,16 +271,16 @@ impl Host {
     /// When it has something to do next.
     pub(super) fn next(&self, core: &Core) -> Option<u64> {
         let talk = self.talker.next_event().map(|at| at.0);
-        let bus =
-            if self.is_plugged != self.is_connected || self.is_connected != core.is_connected() {
-                (self.is_plugged && core.is_connected() || self.is_connected).then_some(0)
-            } else if self.is_suspended || !self.is_connected {
-                None
-            } else if self.running.is_some() {
-                Some(self.free)
-            } else {
-                self.choose().map(|(_, from)| from.max(self.free))
-            };
+        let is_connected = self.is_plugged && core.is_connected();
+        let bus = if self.is_plugged != core.has_vbus() || self.is_connected != is_connected {
+            Some(0)
+        } else if self.is_suspended || !self.is_connected {
+            None
+        } else if self.running.is_some() {
+            Some(self.free)
+        } else {
+            self.choose().map(|(_, from)| from.max(self.free))
+        };
         talk.into_iter().chain(bus).min()
     }
 
@@ -289,12 +292,11 @@ impl Host {
             }
         }
         core.set_vbus(self.is_plugged);
-        if self.is_plugged && core.is_connected() != self.is_connected
-            || !self.is_plugged && self.is_connected
-        {
+        let is_connected = self.is_plugged && core.is_connected();
+        if is_connected != self.is_connected {
             self.forget(now);
-            self.is_connected = self.is_plugged && core.is_connected();
-            if self.is_connected {
+            self.is_connected = is_connected;
+            if is_connected {
                 self.steps = enumeration();
             }
         }

@@ -34,8 +34,9 @@ fn a_host_finds_the_device_its_strings_and_a_port_that_can_be_set() {
     let Some(firmware) = image() else { return };
     let mut board = board(&firmware, []);
     board.run_to(OPEN_AT).unwrap();
-    assert!(board.with_usb(|host| host.is_configured()).unwrap());
+    let is_configured = board.with_usb(|host| host.is_configured()).unwrap();
     let transfers = board.with_usb(Host::take_transfers).unwrap();
+    assert!(is_configured, "{transfers:?}");
     let of = |setup: [u8; 4]| -> &ControlTransfer {
         let found = transfers
             .iter()

@@ -96,7 +96,9 @@ pub fn write(line: &mut StatusWriter<'_>) {
     line.word("leap_known", leap_known);
     line.unsigned("marks", clock.accepted.into());
     line.unsigned("refused", clock.refused().into());
-    let pings: u32 = mavlink.map_or(0, |links| links.iter().map(|link| link.node.pings).sum());
+    let pings: u32 = mavlink.map_or(0, |links| {
+        links.iter().flatten().map(|link| link.node.pings).sum()
+    });
     line.unsigned("pings", pings.into());
     line.unsigned("lost_ticks", time::lost_ticks().into());
     line.unsigned("stack", STACK.load(Relaxed).into());

@@ -12,6 +12,7 @@ use timebase::StampedByte;
 
 use super::lookup::ThisBoard;
 use super::requests;
+use crate::bootloader;
 use crate::drivers::uart::{Reader, Writer};
 use crate::drivers::{time, usb};
 use crate::reports::LinkReport;
@@ -127,7 +128,7 @@ impl Link {
                 }
                 go_on(node, port.outgoing());
                 port.poll_send(context);
-                if *has_new_log {
+                if *has_new_log || bootloader::is_called() {
                     Poll::Ready(())
                 } else {
                     Poll::Pending

@@ -21,8 +21,8 @@
 //! waited in the host stands in no stamp. The last packet before an unplug may be lost. A host that does not read for
 //! [`STALLED`] loses answers, as on a serial line. Everything but the handler runs on one executor.
 
-use core::cell::UnsafeCell;
 use core::future::{Future, poll_fn};
+use core::mem::MaybeUninit;
 use core::pin::pin;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 use core::task::{Context, Poll};
@@ -129,33 +129,21 @@ struct Memory {
     class: cdc_acm::State<'static>,
 }
 
-/// [`Memory`], taken once.
-struct Place(UnsafeCell<Memory>, AtomicBool);
+static mut MEMORY: MaybeUninit<Memory> = MaybeUninit::uninit();
 
-// SAFETY: the memory is taken by one caller, in `take`.
-unsafe impl Sync for Place {}
-
-static MEMORY: Place = Place(
-    UnsafeCell::new(Memory {
+/// The memory of the one who had the peripheral, which there is once.
+fn memory(_: OTG_FS_GLOBAL) -> &'static mut Memory {
+    let place = &raw mut MEMORY;
+    // SAFETY: nobody else names the place, and this is called once: the peripheral is gone then.
+    let place = unsafe { &mut *place };
+    place.write(Memory {
         config: [0; 96],
         bos: [0; 16],
         control: [0; 64],
         out: [0; 2 * PACKET],
-        outbox: [0; OUTBOX],
         serial: [0; 2 * UNIQUE_ID_LEN],
         class: cdc_acm::State::new(),
-    }),
-    AtomicBool::new(false),
-);
-
-impl Place {
-    fn take(&'static self) -> &'static mut Memory {
-        if self.1.swap(true, Relaxed) {
-            panic!("USB was started twice");
-        }
-        // SAFETY: nobody has passed the line above before.
-        unsafe { &mut *self.0.get() }
-    }
+    })
 }
 
 /// OTG_FS's registers.
@@ -182,9 +170,8 @@ pub fn start(otg: OTG_FS_GLOBAL, pins: Pins, rcc: &mut Rcc) -> (Device, Port) {
     pins.vbus.into_floating_input();
     OTG_FS_GLOBAL::enable(rcc);
     OTG_FS_GLOBAL::reset(rcc);
-    drop(otg);
     reset_core();
-    let memory = MEMORY.take();
+    let memory = memory(otg);
     let instance = OtgInstance {
         regs: registers(),
         state: STATE.as_state(),

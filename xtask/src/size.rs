@@ -11,7 +11,7 @@ use crate::image::{self, Board, Build};
 /// The most that the image may take, in bytes, with every receiver, link and upload in it (issue 17).
 const FLASH_LIMIT: u64 = 160 * 1024;
 const RAM_LIMIT: u64 = 48 * 1024;
-/// The limits are not kept since USB is in the image, which takes 195 112 and 51 680 bytes: more than this fails, so
+/// The limits are not kept since USB is in the image, which takes 193 692 and 51 664 bytes: more than this fails, so
 /// that it gets no worse.
 const FLASH_FOR_NOW: u64 = 192 * 1024;
 const RAM_FOR_NOW: u64 = 51 * 1024;

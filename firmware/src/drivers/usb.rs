@@ -143,6 +143,7 @@ fn memory(_: OTG_FS_GLOBAL) -> &'static mut Memory {
         out: [0; 2 * PACKET],
         serial: [0; 2 * UNIQUE_ID_LEN],
         class: cdc_acm::State::new(),
+        outbox: [0; OUTBOX],
     })
 }
 

@@ -5,7 +5,8 @@ use mavlink_node::{Node, Plotted};
 use timebase::{CORE_HZ, ClockState, Cycles};
 use utc_clock::{Reading, SecondProof, Source};
 
-use super::link::{Link, Outgoing};
+use super::link::Link;
+use super::outgoing::Outgoing;
 use super::source::number;
 use super::words;
 use crate::clock;

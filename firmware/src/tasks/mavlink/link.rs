@@ -11,6 +11,7 @@ use sample_log::BeginGuard;
 use timebase::StampedByte;
 
 use super::lookup::ThisBoard;
+use super::outgoing::Outgoing;
 use super::requests;
 use crate::bootloader;
 use crate::drivers::uart::{Reader, Writer};
@@ -23,40 +24,6 @@ use crate::{board, image_words, settings};
 /// to each request in a full incoming ring (19, of 26 bytes each) and for what is kept for a second's
 /// broadcasts.
 const NEXT_BELOW: usize = 64;
-
-/// What frames go into.
-pub trait Outgoing {
-    /// Takes a whole frame, or none of it, and leaves `kept` bytes free; whether there was room.
-    fn send_leaving(&mut self, frame: &[u8], kept: usize) -> bool;
-
-    /// Bytes that have not left yet.
-    fn waiting(&self) -> usize;
-
-    /// Takes a whole frame, or none of it; whether there was room.
-    fn send(&mut self, frame: &[u8]) -> bool {
-        self.send_leaving(frame, 0)
-    }
-}
-
-impl Outgoing for Writer {
-    fn send_leaving(&mut self, frame: &[u8], kept: usize) -> bool {
-        Self::send_leaving(self, frame, kept)
-    }
-
-    fn waiting(&self) -> usize {
-        Self::waiting(self)
-    }
-}
-
-impl Outgoing for usb::Outgoing {
-    fn send_leaving(&mut self, frame: &[u8], kept: usize) -> bool {
-        Self::send_leaving(self, frame, kept)
-    }
-
-    fn waiting(&self) -> usize {
-        Self::waiting(self)
-    }
-}
 
 /// What a link goes over.
 pub enum Port {

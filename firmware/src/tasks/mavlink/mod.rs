@@ -9,6 +9,7 @@
 mod broadcast;
 mod link;
 mod lookup;
+mod outgoing;
 mod requests;
 mod source;
 mod words;

@@ -5,7 +5,7 @@ use sample_log::{BeginGuard, Kept, Sample, SampleLog};
 use timebase::Cycles;
 use utc_clock::Reading;
 
-use super::link::Outgoing;
+use super::outgoing::Outgoing;
 use crate::bootloader;
 use crate::clock;
 use crate::clock_events::{self, ClockEvent};

@@ -110,6 +110,10 @@ pub struct SimOptions {
     /// Put this image of a memory card, of any size, into board 1: it is changed in place
     #[arg(long, value_name = "IMAGE")]
     pub card: Option<PathBuf>,
+
+    /// Plug a USB cable into each board, too: its serial port is a pseudo-terminal, whose name is printed
+    #[arg(long)]
+    pub usb: bool,
 }
 
 impl SimOptions {

@@ -22,6 +22,8 @@ use timebase::ClockState;
 use virtual_pixhawk::{ClockReading, Connector, Gaps, Pixhawk, Visits};
 use world::WorldNanos;
 
+use crate::serial_port::SerialPort;
+
 /// How often a board is brought to the present.
 const STEP: Duration = Duration::from_millis(1);
 const SECOND: u64 = 1_000_000_000;
@@ -38,6 +40,8 @@ pub struct Life {
     pub visits: Visits,
     /// Its MAVLink port.
     pub mavlink_port: u16,
+    /// What its USB is on this host, if a cable is in.
+    pub usb: Option<SerialPort>,
     /// True UTC at power-up, in ns since 1970.
     pub utc_at_start_ns: i64,
     /// How long it is to run; `None` is until it is asked to end.
@@ -68,6 +72,9 @@ impl Life {
             while self.board.now() < goal {
                 let next_second = WorldNanos((seconds + 1) * SECOND);
                 self.board.run_to(goal.min(next_second))?;
+                if let Some(port) = &mut self.usb {
+                    port.exchange(&mut self.board)?;
+                }
                 self.report(reports)?;
                 if self.board.now() >= next_second {
                     seconds += 1;

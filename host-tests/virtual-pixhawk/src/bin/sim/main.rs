@@ -16,6 +16,7 @@
 #![warn(clippy::print_stderr, clippy::print_stdout)]
 
 mod life;
+mod serial_port;
 mod setup;
 
 use std::process::ExitCode;
@@ -64,8 +65,13 @@ fn run(options: &SimOptions, setup: &Setup) -> anyhow::Result<ExitCode> {
         .map(|index| setup.power_on(index))
         .collect::<anyhow::Result<Vec<_>>>()?;
     let json = options.shared.json;
-    if !json {
-        for line in setup.announcement() {
+    if json {
+        // Nobody can know these beforehand.
+        for port in lives.iter().filter_map(|life| life.usb.as_ref()) {
+            console::print_error!("{port}");
+        }
+    } else {
+        for line in setup.announcement(&lives) {
             console::print_line!("{line}");
         }
     }

@@ -10,10 +10,11 @@ use anyhow::{Context as _, ensure};
 use console::{SimOptions, UtcNanos, Word};
 use stanag_net::Place;
 use stanag_wire::NodeId;
-use virtual_pixhawk::{Builder, Card, Firmware, StanagLine, TcpLine};
+use virtual_pixhawk::{Builder, Card, Firmware, Host, Script, StanagLine, TcpLine};
 use world::{Receiver, ReceiverSettings, Recording};
 
 use crate::life::Life;
+use crate::serial_port::SerialPort;
 
 /// What the crystals of two Cubes were off by, in 10⁻⁹.
 const CRYSTALS_PPB: [i32; 2] = [37_000, 44_000];
@@ -89,6 +90,14 @@ impl<'a> Setup<'a> {
             Some(image) if index == 0 => builder.card(card(image).context("--card")?),
             _ => builder,
         };
+        let usb = self.options.usb.then(SerialPort::open).transpose();
+        let usb = usb.with_context(|| {
+            format!("--usb; without it the board is at tcp:127.0.0.1:{mavlink_port}")
+        })?;
+        let builder = match &usb {
+            Some(_) => builder.usb(Host::new(Script::default())),
+            None => builder,
+        };
         let builder = match &self.recording {
             Some(recording) => builder.gps(recording.clone()),
             None => {
@@ -109,6 +118,7 @@ impl<'a> Setup<'a> {
             board: builder.power_on()?,
             visits,
             mavlink_port,
+            usb,
             utc_at_start_ns: self.utc_at_start_ns,
             duration: self.options.shared.duration(),
             is_up: false,
@@ -125,7 +135,7 @@ impl<'a> Setup<'a> {
     }
 
     /// What runs, where it can be talked to, and what the columns mean.
-    pub fn announcement(&self) -> Vec<String> {
+    pub fn announcement(&self, lives: &[Life]) -> Vec<String> {
         let options = &self.options.shared;
         let variant = options.variant();
         let source = match &options.ubx {
@@ -142,7 +152,7 @@ impl<'a> Setup<'a> {
             variant.name(),
             variant.tick_us(),
         )];
-        for index in 0..self.options.boards() {
+        for (index, life) in (0..).zip(lives) {
             lines.push(format!(
                 "board {}: tcp:127.0.0.1:{}, MAVLink system {}, crystal {:+} ppm",
                 index + 1,
@@ -153,6 +163,9 @@ impl<'a> Setup<'a> {
             if let Some(place) = self.stanag_place(index) {
                 let id = NodeId(STANAG_ID | u32::from(system_id(index)));
                 lines.push(format!("         stanag:{place}/{id}"));
+            }
+            if let Some(port) = &life.usb {
+                lines.push(format!("         {port}, its USB"));
             }
         }
         if let Some(image) = &self.options.card {

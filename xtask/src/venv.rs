@@ -3,10 +3,12 @@
 //! *Design.* A venv under `target/` with pinned releases, made at the first call and again when one of
 //! them is another. The board is a verb of our own, started on a port of its own.
 
+use std::io::{self, BufRead as _, BufReader, Read as _};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
+use std::thread;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 
 use crate::image;
 
@@ -75,6 +77,33 @@ impl Board {
             .stdout(Stdio::null())
             .spawn()?;
         Ok(Self(child))
+    }
+
+    /// Starts one board on `sim` with its USB plugged in, and returns the device that it is here.
+    ///
+    /// # Errors
+    ///
+    /// When it cannot be started.
+    pub fn start_with_usb(port: &str, duration_s: &str) -> Result<(Self, String)> {
+        let mut child = Command::new(std::env::current_exe()?)
+            .args(["sim", "--usb", "--boards", "1", "--duration", duration_s])
+            .args(["--mavlink-port", port])
+            .stdout(Stdio::piped())
+            .spawn()?;
+        let output = child.stdout.take().context("its output is not here")?;
+        let board = Self(child);
+        let mut output = BufReader::new(output);
+        let device = output
+            .by_ref()
+            .lines()
+            .map_while(Result::ok)
+            .find_map(|line| {
+                let (_, after) = line.split_once("serial:")?;
+                Some(after.split(',').next().unwrap_or(after).to_owned())
+            });
+        // It goes on printing, and may not have to wait for a reader.
+        thread::spawn(move || io::copy(&mut output, &mut io::sink()));
+        Ok((board, device.context("sim does not say where its USB is")?))
     }
 
     /// Ends it as Ctrl-C does.

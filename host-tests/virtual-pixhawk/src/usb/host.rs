@@ -87,6 +87,8 @@ pub struct Host {
     /// Pipes that were answered NAK.
     refused: [bool; 3],
     out: VecDeque<u8>,
+    /// How long the frame has lasted in which the board gets power.
+    frame_began_before: u64,
     /// The frame in which `out` begins to leave.
     out_from: u64,
     buffer: Vec<u8>,
@@ -174,6 +176,7 @@ impl Host {
             running: None,
             refused: [false; 3],
             out: VecDeque::new(),
+            frame_began_before: 0,
             out_from: 0,
             buffer: Vec::new(),
             received: Vec::new(),
@@ -188,6 +191,14 @@ impl Host {
     #[must_use]
     pub const fn unplugged(mut self) -> Self {
         self.is_plugged = false;
+        self
+    }
+
+    /// The same with frames of 1 ms of which one has lasted for `ns` when the board gets power: boards at one
+    /// controller share its frames, whenever each gets power.
+    #[must_use]
+    pub const fn in_frame(mut self, ns: u64) -> Self {
+        self.frame_began_before = ns % MS;
         self
     }
 
@@ -323,7 +334,8 @@ impl Host {
 
     fn queue(&mut self, at: u64, bytes: &[u8]) {
         if self.out.is_empty() {
-            self.out_from = (at / MS + 1) * MS;
+            let shift = self.frame_began_before;
+            self.out_from = ((at + shift) / MS + 1) * MS - shift;
         }
         self.out.extend(bytes);
     }

@@ -180,7 +180,7 @@ fn any_leap_seconds() -> impl Strategy<Value = LeapSeconds> {
 fn any_settings() -> impl Strategy<Value = Settings> {
     (
         any::<bool>(),
-        any::<[u32; 3]>(),
+        any::<[u32; 4]>(),
         prop::option::of(any::<i8>()),
         prop_oneof![Just(Settings::DATE_FLOOR.0), any::<i64>()],
         any::<[i32; 2]>(),
@@ -188,7 +188,12 @@ fn any_settings() -> impl Strategy<Value = Settings> {
         .prop_map(
             |(
                 require_confirmed,
-                [latency_ns, latency_uncertainty_ns, pulse_uncertainty_ns],
+                [
+                    latency_ns,
+                    latency_uncertainty_ns,
+                    pulse_uncertainty_ns,
+                    hidden_turn_ns,
+                ],
                 leap_seconds,
                 date_floor,
                 [frequency, uncertainty],
@@ -198,6 +203,7 @@ fn any_settings() -> impl Strategy<Value = Settings> {
                     latency_ns,
                     latency_uncertainty_ns,
                     pulse_uncertainty_ns,
+                    hidden_turn_ns,
                     leap_seconds,
                     date_floor: UtcNanos(date_floor),
                     frequency: Ppb(frequency),

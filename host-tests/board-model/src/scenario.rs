@@ -33,6 +33,7 @@ impl Scenario {
             settings: Settings {
                 latency_uncertainty_ns: 0,
                 pulse_uncertainty_ns: 0,
+                hidden_turn_ns: 0,
                 ..Settings::DEFAULT
             },
             crystal: CrystalSettings::new(rng.f64() * 100_000.0 - 50_000.0),

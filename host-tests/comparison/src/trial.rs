@@ -184,6 +184,8 @@ impl Chance {
             latency_uncertainty_ns,
             // Its own part as well: the receivers' pulses are UTC here.
             pulse_uncertainty_ns: 0,
+            // What the filters claim themselves is what is measured.
+            hidden_turn_ns: 0,
             ..Settings::DEFAULT
         };
         if case.stored {

@@ -171,6 +171,7 @@ pub struct Discipline {
     base_uncertainty_ns: u32,
     is_latency_learnt: bool,
     pulse_uncertainty_ns: u32,
+    hidden_turn_ns: u32,
     /// The last mark was refused because the receiver drifts.
     is_adrift: bool,
     crystal_ppb: f32,
@@ -214,6 +215,7 @@ impl Discipline {
             base_uncertainty_ns: settings.latency_uncertainty_ns,
             is_latency_learnt: false,
             pulse_uncertainty_ns: settings.pulse_uncertainty_ns,
+            hidden_turn_ns: settings.hidden_turn_ns,
             is_adrift: false,
             crystal_ppb,
             crystal_uncertainty_ppb: uncertainty_ppb,
@@ -649,8 +651,11 @@ impl Discipline {
             .saturating_add(track.elapsed_ns(rise.as_nanos()))
             .saturating_sub(self.shift_ns)
             .saturating_sub(observed.published.0);
+        // What the filters claim by the next pulse; more than that hides no turn.
+        let claimed_ns = (uncertainty_ns + self.crystal_uncertainty_ppb) as u32;
+        let hidden_ns = self.hidden_turn_ns.saturating_sub(claimed_ns);
         let course = Course {
-            latency_uncertainty_ns: self.pulse_uncertainty_ns,
+            latency_uncertainty_ns: self.pulse_uncertainty_ns.saturating_add(hidden_ns),
             turned_ppb,
             absorb_ms: ABSORB_MS.1,
             longest_slew: LONGEST_SLEW.1,

@@ -50,8 +50,8 @@ const BIASED: f32 = 0.9;
 const UNBIASED: f32 = 0.5;
 
 /// For this number of pulses the quiet filter is not asked after it has lagged: while a ramp turns
-/// round, the mean passes through 0.
-const LAGS_FOR: u8 = 20;
+/// round, the mean passes through 0, and a crystal that has drifted will again.
+const LAGS_FOR: u8 = 120;
 
 /// Where the crystal is steady, the two filters are not farther apart a second later. \[ns\]
 const APART_NS: f32 = 32.0;

@@ -29,7 +29,6 @@ use timebase::{CORE_HZ, ClockState, Cycles, LeapSeconds, PulseEdge, PulseForecas
 
 use crate::counters::{Counters, bump};
 use crate::discipline::{Correction, Course, Discipline, Observation};
-use crate::float::float;
 use crate::gate::Gate;
 use crate::holdover::Uncertainty;
 use crate::model::{self, ClockModel};
@@ -46,8 +45,8 @@ const HOLDOVER_AFTER: u64 = 2 * CORE_HZ as u64;
 /// One mark may be lost, and the next be late. In halves of a period.
 const HOLDOVER_HALF_PERIODS: u64 = 7;
 
-/// A receiver that speaks more seldom than each 3 s is one that is silent. \[cycles\]
-const LONGEST_PERIOD: u64 = 3 * CORE_HZ as u64;
+/// A receiver that speaks more seldom than each 3 s is one that is silent. \[ns\]
+const LONGEST_PERIOD_NS: u32 = 3_000_000_000;
 
 /// From pulse to pulse is a second; without the next one the line begins anew after so long, in
 /// cycles: 1.25 s. Its straight line of uncertainty is near the curve that it stands for.
@@ -357,13 +356,13 @@ impl<'a> UtcClock<'a> {
 
     /// How long a receiver takes from mark to mark, so that one that is lost is no alarm.
     fn note_period(&mut self, gap_ns: i64) {
-        let gap_us = u64::try_from(gap_ns.clamp(0, 10_000_000_000) / 1_000).unwrap_or(0);
-        let gap = Cycles::from_micros(gap_us).0;
+        // In 32 bits, which divide by a multiplication.
+        let gap_ns = gap_ns.clamp(0, LONGEST_PERIOD_NS.into()) as u32;
+        let gap = Cycles::from_micros((gap_ns / 1_000).into()).0;
         if gap > 0 {
             self.period = gap
                 .min(self.period.saturating_add(self.period / 4))
-                .max(u64::from(CORE_HZ) / 100)
-                .min(LONGEST_PERIOD);
+                .max(u64::from(CORE_HZ) / 100);
         }
     }
 
@@ -392,7 +391,7 @@ impl<'a> UtcClock<'a> {
             }
             Correction::Step(course) => self.step(&mut line, &course),
             Correction::Follow(course) => {
-                self.absorb(&course, now);
+                self.absorb(&course, observed.uncertainty_ns, now);
                 Outcome::Slewed {
                     error_ns: course.error_ns,
                 }
@@ -423,38 +422,32 @@ impl<'a> UtcClock<'a> {
         if self.is_crowded(now) {
             return PulseOutcome::Refused(PulseRefusal::Backlog);
         }
-        let model = self.model;
-        let (uncertainty, rest_ns) = (
-            self.uncertainty,
-            self.unabsorbed_ns
-                .saturating_add(self.latency_uncertainty_ns),
-        );
+        let mut line = self.model;
+        let (uncertainty, rest_ns) = (self.uncertainty, self.rest_ns());
         let is_set = self.state != ClockState::Unset;
         let observe = |at: Cycles| Observation {
             at,
-            published: model.utc_at(at),
-            uncertainty_ns: is_set.then(|| uncertainty.at(at) + rest_ns as f32),
+            published: line.utc_at(at),
+            uncertainty_ns: is_set.then(|| uncertainty.at(at) + rest_ns),
         };
-        let (correction, rise) = match self.discipline.handle_edge(edge, observe) {
-            Ok(observed) => observed,
+        let followed = match self.discipline.handle_edge(edge, observe) {
+            Ok(Some(followed)) => followed,
+            Ok(None) => return PulseOutcome::Candidate,
             Err(refusal) => return PulseOutcome::Refused(refusal),
         };
-        let mut line = self.line_from(rise);
-        let correction = self.at_begin(correction, rise, now);
-        let outcome = match correction {
-            Correction::First(course) if course.error_ns.abs() > LEAST_PULSE_STEP_NS => {
-                self.step(&mut line, &course);
-                PulseOutcome::Stepped {
-                    by_ns: course.error_ns,
-                }
+        let rise = followed.observed.at;
+        let mut course = followed.course;
+        course.error_ns = self.at_begin(&course, rise, now);
+        let outcome = if followed.is_new && course.error_ns.abs() > LEAST_PULSE_STEP_NS {
+            self.step(&mut line, &course);
+            PulseOutcome::Stepped {
+                by_ns: course.error_ns,
             }
-            Correction::First(course) | Correction::Follow(course) | Correction::Step(course) => {
-                self.absorb(&course, now);
-                PulseOutcome::Slewed {
-                    error_ns: course.error_ns,
-                }
+        } else {
+            self.absorb(&course, followed.observed.uncertainty_ns, now);
+            PulseOutcome::Slewed {
+                error_ns: course.error_ns,
             }
-            Correction::Renumber(_) | Correction::Nothing => return PulseOutcome::Candidate,
         };
         if self.steered_by != Source::Pulse {
             bump(&mut self.counters.pulse_locks);
@@ -469,36 +462,30 @@ impl<'a> UtcClock<'a> {
     }
 
     /// A pulse is known by its fall, so that what it says holds from a tenth of a second after its
-    /// rise on: by then a clock of the wrong frequency has moved.
-    fn at_begin(&self, correction: Correction, rise: Cycles, now: Cycles) -> Correction {
-        let moved = |course: Course| {
-            let passed = now.plus(Self::LEAD).max(self.model.at).since(rise);
-            let faster = i64::from(model::mult(course.frequency)) - i64::from(self.model.mult);
-            let by_ns = faster.saturating_mul(passed) >> model::SHIFT;
-            Course {
-                error_ns: course.error_ns.saturating_add(by_ns),
-                ..course
-            }
-        };
-        match correction {
-            Correction::First(course) => Correction::First(moved(course)),
-            Correction::Follow(course) => Correction::Follow(moved(course)),
-            Correction::Step(course) => Correction::Step(moved(course)),
-            Correction::Renumber(_) | Correction::Nothing => correction,
-        }
+    /// rise on: by then a clock of the wrong frequency has moved. The error then, in ns.
+    #[inline]
+    fn at_begin(&self, course: &Course, rise: Cycles, now: Cycles) -> i64 {
+        let passed = now.plus(Self::LEAD).max(self.model.at).since(rise);
+        let faster = i64::from(model::mult(course.frequency)) - i64::from(self.model.mult);
+        let by_ns = faster.saturating_mul(passed) >> model::SHIFT;
+        course.error_ns.saturating_add(by_ns)
     }
 
     /// The clock as something that happened finds it.
     fn observe(&self, at: Cycles, line: &ClockModel) -> Observation {
-        let rest_ns = self
-            .unabsorbed_ns
-            .saturating_add(self.latency_uncertainty_ns);
         Observation {
             at,
             published: line.base,
             uncertainty_ns: (self.state != ClockState::Unset)
-                .then(|| self.uncertainty.at(at) + rest_ns as f32),
+                .then(|| self.uncertainty.at(at) + self.rest_ns()),
         }
+    }
+
+    /// How far the clock may be off beside what its crystal's uncertainty says. \[ns\]
+    #[inline]
+    fn rest_ns(&self) -> f32 {
+        self.unabsorbed_ns
+            .saturating_add(self.latency_uncertainty_ns) as f32
     }
 
     /// Nothing is true any more of what was published.
@@ -538,13 +525,7 @@ impl<'a> UtcClock<'a> {
     /// another one still held then.
     #[inline]
     fn line_from(&self, at: Cycles) -> ClockModel {
-        let (base, fraction) = self.model.point(at);
-        ClockModel {
-            at,
-            base,
-            fraction,
-            ..self.model
-        }
+        self.model.rebased(at)
     }
 
     #[inline]
@@ -578,13 +559,10 @@ impl<'a> UtcClock<'a> {
         });
     }
 
-    /// Sets the slew that absorbs an error.
+    /// Sets the slew that absorbs an error of a clock that may have been off by `before_ns`.
     #[inline]
-    fn absorb(&mut self, course: &Course, now: Cycles) {
-        let before_ns = self.uncertainty.at(course.uncertainty.at)
-            + self
-                .unabsorbed_ns
-                .saturating_add(self.latency_uncertainty_ns) as f32;
+    fn absorb(&mut self, course: &Course, before_ns: Option<f32>, now: Cycles) {
+        let before_ns = before_ns.unwrap_or(f32::MAX);
         self.take(course);
         let error_ns = course.error_ns.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
         let most = error_ns.unsigned_abs().min(2_000_000);
@@ -661,10 +639,10 @@ impl<'a> UtcClock<'a> {
         if self.turned_ppb > 0.0 && model.at.since(self.last_pulse) > PULSE_LATE {
             self.uncertainty.frequency_ppb += core::mem::take(&mut self.turned_ppb);
         }
-        let lasts = self.lasts();
-        let begins_ns = self.uncertainty.at(model.at);
-        let ends_ns = self.uncertainty.at(model.at.plus(lasts));
-        let lasts_s = float(lasts.cast_signed()) * (1.0 / CORE_HZ as f32);
+        let lasts_s = (self.lasts() / CYCLES_PER_MS) as u32 as f32 * 1e-3;
+        let begins_s = self.uncertainty.since_s(model.at);
+        let begins_ns = self.uncertainty.after_s(begins_s);
+        let ends_ns = self.uncertainty.after_s(begins_s + lasts_s);
         let phase_ns = (begins_ns as u64)
             .saturating_add(1)
             .saturating_add(self.unabsorbed_ns.into())

@@ -74,6 +74,8 @@ const OUTLASTS_PPB: f32 = 500.0;
 
 /// Without a pulse for so long the clock is not on one any more. \[s\]
 const PULSE_LASTS_S: f32 = 10.0;
+/// The same. \[ns\]
+const PULSE_LASTS_NS: i64 = PULSE_LASTS_S as i64 * SECOND_NS;
 
 /// A frequency that is learnt in minutes lags behind a crystal that drifts by 1 ppm a minute:
 /// two minutes' worth. \[ppb\]
@@ -129,14 +131,25 @@ pub struct Course {
 pub enum Correction {
     /// Go on so.
     Follow(Course),
-    /// The same, and the error may be stepped over: the first of its kind.
+    /// The same, and the error may be stepped over: the first mark of all.
     First(Course),
     /// Step by the error; the clock is wrong beyond uncertainty.
     Step(Course),
     /// The second has another number: step by so much, and go on as before. \[ns\]
     Renumber(i64),
-    /// Go on as before: the mark confirms a better source, or the pulse waits for others.
+    /// Go on as before: the mark confirms a better source.
     Nothing,
+}
+
+/// A pulse that is followed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FollowedPulse {
+    /// Its rise, and the clock then.
+    pub observed: Observation,
+    /// The error may be stepped over: the first one of a train.
+    pub is_new: bool,
+    /// Go on so.
+    pub course: Course,
 }
 
 /// The pulse's line: of the train that is followed, or was last.
@@ -545,15 +558,16 @@ impl Discipline {
             .is_some_and(|followed| followed.track.since_s(local_ns) < PULSE_LASTS_S)
     }
 
-    /// Takes an edge of the pulse's wire.
+    /// Takes an edge of the pulse's wire; `None` where it waits for others.
     ///
     /// # Errors
     /// Why it is to be ignored.
+    #[inline]
     pub fn handle_edge(
         &mut self,
         edge: &PulseEdge,
         observe: impl Fn(Cycles) -> Observation,
-    ) -> Result<(Correction, Cycles), PulseRefusal> {
+    ) -> Result<Option<FollowedPulse>, PulseRefusal> {
         if edge.polarity == Polarity::Rise {
             self.note_rise(edge.at.as_nanos());
         }
@@ -563,14 +577,15 @@ impl Discipline {
             crystal_ppb,
             uncertainty_ppb: crystal_uncertainty_ppb(followed, uncertainty_ppb, edge.at),
         };
-        let (train, steady_s, rise) = match self.trains.handle_edge(edge, known) {
-            EdgeVerdict::Noted => return Ok((Correction::Nothing, edge.at)),
+        let (train, since_ns, rise, rise_ns) = match self.trains.handle_edge(edge, known) {
+            EdgeVerdict::Noted => return Ok(None),
             EdgeVerdict::Refused(refusal) => return Err(refusal),
             EdgeVerdict::Proved {
                 train,
-                steady_s,
+                since_ns,
                 rise,
-            } => (train, steady_s, rise),
+                rise_ns,
+            } => (train, since_ns, rise, rise_ns),
         };
         if self.crystal_watch.is_beyond() {
             self.crystal_watch = CrystalWatch::new();
@@ -583,37 +598,26 @@ impl Discipline {
             return Err(PulseRefusal::Unnumbered);
         };
         let edge_ns = track.edge_ns();
+        let steady_s = || float(edge_ns.wrapping_sub(since_ns).cast_signed()) * 1e-9;
         let (is_new, second_ns) = match &self.followed {
             Some(followed) => {
-                let elapsed_ns = followed.track.elapsed_ns(edge_ns);
-                let seconds_ns = nearest_second(elapsed_ns);
-                let second_ns = followed.second_ns.saturating_add(seconds_ns);
-                let off_ns = float(elapsed_ns.saturating_sub(seconds_ns));
-                let is_same_train =
-                    followed.train == train && followed.track.since_s(edge_ns) < PULSE_LASTS_S;
-                let is_same_phase =
-                    || off_ns.abs() <= followed.track.uncertainty_ns(edge_ns) + SAME_TRAIN_NS;
-                let is_same = is_same_train || is_same_phase();
-                if !is_same {
-                    let since_s = followed.track.since_s(edge_ns);
-                    let unseen_s =
-                        float(edge_ns.wrapping_sub(followed.seen_ns).cast_signed()) * 1e-9;
-                    if since_s > PULSE_LASTS_S && unseen_s < PULSE_LASTS_S {
-                        // It is still there, if misshapen.
-                        return Err(PulseRefusal::OffLine);
+                let since_ns = edge_ns.wrapping_sub(followed.track.edge_ns()).cast_signed();
+                if followed.train == train && since_ns < PULSE_LASTS_NS {
+                    // No crystal is half a second off in so short a time.
+                    let seconds_ns = nearest_second(since_ns);
+                    (false, followed.second_ns.saturating_add(seconds_ns))
+                } else {
+                    let elapsed_ns = followed.track.elapsed_ns(edge_ns);
+                    let seconds_ns = nearest_second(elapsed_ns);
+                    let off_ns = float(elapsed_ns.saturating_sub(seconds_ns));
+                    let door_ns = followed.track.uncertainty_ns(edge_ns) + SAME_TRAIN_NS;
+                    let is_same_phase = off_ns.abs() <= door_ns;
+                    if !is_same_phase {
+                        may_replace(followed, track, edge_ns, steady_s())?;
                     }
-                    let lasts_s = if since_s > PULSE_LASTS_S {
-                        OUTLASTS_HOLDOVER_S
-                    } else {
-                        OUTLASTS_S
-                    };
-                    let apart_ppb = track.crystal_ppb() - followed.track.crystal_ppb();
-                    let most_ppb = OUTLASTS_PPB + 2.0 * DRIFT_PPB_PER_S * since_s;
-                    if steady_s < lasts_s || apart_ppb.abs() > most_ppb {
-                        return Err(PulseRefusal::OffLine);
-                    }
+                    let second_ns = followed.second_ns.saturating_add(seconds_ns);
+                    (!is_same_phase, second_ns)
                 }
-                (!is_same, second_ns)
             }
             None => {
                 let shown_ns = observed.published.0.saturating_add(self.shift_ns);
@@ -628,17 +632,17 @@ impl Discipline {
                     return Err(PulseRefusal::OffSecond);
                 }
                 let apart_ppb = (track.crystal_ppb() - self.crystal_ppb).abs();
-                if apart_ppb > 2.0 * self.crystal_uncertainty_ppb && steady_s < OUTLASTS_HOLDOVER_S
-                {
+                let is_other_crystal = apart_ppb > 2.0 * self.crystal_uncertainty_ppb;
+                if is_other_crystal && steady_s() < OUTLASTS_HOLDOVER_S {
                     return Err(PulseRefusal::OffLine);
                 }
                 self.is_latency_learnt = false;
                 (true, second_ns)
             }
         };
-        let turned_ppb = track.turned_ppb();
         self.crystal_ppb = track.crystal_ppb();
-        self.crystal_uncertainty_ppb = track.frequency_uncertainty_ppb();
+        let turned_ppb;
+        (self.crystal_uncertainty_ppb, turned_ppb) = track.frequency_uncertainties_ppb();
         self.followed = Some(Followed {
             track: *track,
             train,
@@ -648,7 +652,7 @@ impl Discipline {
         // Its track was moved to this pulse, and between that and its rise are some ns.
         let uncertainty_ns = track.phase_uncertainty_ns();
         let error_ns = second_ns
-            .saturating_add(track.elapsed_ns(rise.as_nanos()))
+            .saturating_add(track.elapsed_ns(rise_ns))
             .saturating_sub(self.shift_ns)
             .saturating_sub(observed.published.0);
         // What the filters claim by the next pulse; more than that hides no turn.
@@ -661,14 +665,11 @@ impl Discipline {
             longest_slew: LONGEST_SLEW.1,
             ..self.course(rise, error_ns, uncertainty_ns)
         };
-        Ok((
-            if is_new {
-                Correction::First(course)
-            } else {
-                Correction::Follow(course)
-            },
-            rise,
-        ))
+        Ok(Some(FollowedPulse {
+            observed,
+            is_new,
+            course,
+        }))
     }
 
     /// Whether the followed pulse is there is known from its rise alone.
@@ -700,6 +701,33 @@ impl Discipline {
             longest_slew: LONGEST_SLEW.0,
         }
     }
+}
+
+/// Whether a train at another phase than the one that is followed has outlasted it.
+fn may_replace(
+    followed: &Followed,
+    track: &PulseTrack,
+    edge_ns: u64,
+    steady_s: f32,
+) -> Result<(), PulseRefusal> {
+    let since_s = followed.track.since_s(edge_ns);
+    let is_gone = since_s > PULSE_LASTS_S;
+    let unseen_s = float(edge_ns.wrapping_sub(followed.seen_ns).cast_signed()) * 1e-9;
+    if is_gone && unseen_s < PULSE_LASTS_S {
+        // It is still there, if misshapen.
+        return Err(PulseRefusal::OffLine);
+    }
+    let lasts_s = if is_gone {
+        OUTLASTS_HOLDOVER_S
+    } else {
+        OUTLASTS_S
+    };
+    let apart_ppb = track.crystal_ppb() - followed.track.crystal_ppb();
+    let most_ppb = OUTLASTS_PPB + 2.0 * DRIFT_PPB_PER_S * since_s;
+    if steady_s < lasts_s || apart_ppb.abs() > most_ppb {
+        return Err(PulseRefusal::OffLine);
+    }
+    Ok(())
 }
 
 /// How far off a crystal's frequency may be for a train that begins. \[ppb\]

@@ -53,8 +53,18 @@ impl Uncertainty {
     #[must_use]
     #[inline(never)] // Asked in many places: it may be small.
     pub fn at(&self, when: Cycles) -> f32 {
-        let s = float(when.since(self.at)) * (1.0 / CORE_HZ as f32);
-        let s = if s < 0.0 { -s } else { s };
+        self.after_s(self.since_s(when))
+    }
+
+    /// From the moment to `when`, or from `when` to the moment. \[s\]
+    #[inline]
+    pub(crate) fn since_s(&self, when: Cycles) -> f32 {
+        float(when.since(self.at).saturating_abs()) * (1.0 / CORE_HZ as f32)
+    }
+
+    /// How far the clock may be off so many seconds from the moment. \[ns\]
+    #[inline]
+    pub(crate) fn after_s(&self, s: f32) -> f32 {
         let drifted_ppb = (0.5 * DRIFT_PPB_PER_S * s).min(SPECIFICATION_PPB);
         self.phase_ns + (self.frequency_ppb + drifted_ppb) * s
     }

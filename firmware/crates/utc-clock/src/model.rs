@@ -108,19 +108,15 @@ impl ClockModel {
         }
     }
 
-    /// The same line with its origin at `at`, to where the uncertainty has grown.
+    /// The same line with its origin at `at`; what its uncertainty is there is for others to say.
     #[must_use]
+    #[inline]
     pub(crate) const fn rebased(&self, at: Cycles) -> Self {
         let (base, fraction) = self.point(at);
-        let quality = Quality {
-            uncertainty_ns: self.uncertainty_at(at),
-            ..self.quality
-        };
         Self {
             at,
             base,
             fraction,
-            quality,
             ..*self
         }
     }

@@ -24,6 +24,11 @@ const GATE_SIGMAS: f32 = 6.0;
 /// and ns: a few of the M8's 60 ns (99 %, u-blox M8 data sheets, time pulse accuracy).
 const GATE_NS: f32 = 250.0;
 
+/// So far beside its track a pulse may be and still belong to its train, and farther by so much a
+/// second without one. \[ns\], \[ppb\]
+const DOOR_NS: f32 = 3_000.0;
+const DOOR_PPB: f32 = 120.0;
+
 /// 30 ns RMS for an M8's pulse (u-blox M8 data sheets), and the capture's own step of 11.9 ns.
 const MEASUREMENT: f32 = 30.0 * 30.0 + 11.9 * 11.9 / 12.0;
 
@@ -158,9 +163,15 @@ impl PulseTrack {
     }
 
     /// How far that may be off until the next pulse: a part of it is the phase's uncertainty,
-    /// which was at its worst when the frequency was. \[ppb\]
-    pub(crate) fn frequency_uncertainty_ppb(&self) -> f32 {
-        NEXT_SIGMAS * self.filter().frequency_deviation_ppb()
+    /// which was at its worst when the frequency was. And how far beside that when pulses stay
+    /// away: the filters may lag behind a crystal. \[ppb\]
+    pub(crate) fn frequency_uncertainties_ppb(&self) -> (f32, f32) {
+        let filter = self.filter();
+        let deviation_ppb = filter.frequency_deviation_ppb();
+        let apart_ppb = filter.frequency_ppb - self.ramping.frequency_ppb;
+        let turned_ppb =
+            apart_ppb.abs() + TURNED_PPB + (UNCERTAIN_SIGMAS - NEXT_SIGMAS) * deviation_ppb;
+        (NEXT_SIGMAS * deviation_ppb, turned_ppb)
     }
 
     /// True time from the last pulse's second to a time of the board's counter. \[ns\]
@@ -174,17 +185,10 @@ impl PulseTrack {
     /// How far [`Self::elapsed_ns`] may be off. \[ns\]
     pub(crate) fn uncertainty_ns(&self, local_ns: u64) -> f32 {
         let since_s = self.since_s(local_ns);
+        let (next_ppb, turned_ppb) = self.frequency_uncertainties_ppb();
         self.phase_uncertainty_ns()
-            + (self.frequency_uncertainty_ppb() + self.turned_ppb()) * since_s.abs()
+            + (next_ppb + turned_ppb) * since_s.abs()
             + 0.5 * DRIFT_PPB_PER_S * since_s * since_s
-    }
-
-    /// How far the frequency may be off beside that when pulses stay away: the filters may lag
-    /// behind a crystal. \[ppb\]
-    pub(crate) fn turned_ppb(&self) -> f32 {
-        let apart_ppb = self.filter().frequency_ppb - self.ramping.frequency_ppb;
-        let sigmas = UNCERTAIN_SIGMAS - NEXT_SIGMAS;
-        apart_ppb.abs() + TURNED_PPB + sigmas * self.filter().frequency_deviation_ppb()
     }
 
     /// How far the phase may be off at the last pulse. \[ns\]
@@ -203,7 +207,7 @@ impl PulseTrack {
     }
 
     /// Takes a pulse at `edge_ns` by the board's counter.
-    pub(crate) fn update(&mut self, edge_ns: u64, door_ns: f32) -> Fit {
+    pub(crate) fn update(&mut self, edge_ns: u64) -> Fit {
         let since_ns = edge_ns.wrapping_sub(self.edge_ns).cast_signed();
         // Numbered by the crystal, which is right to a ms over the few seconds.
         let seconds_ns = nearest_second(since_ns);
@@ -223,6 +227,7 @@ impl PulseTrack {
         let deviation_ns = sqrt(ramping.innovation_variance());
         let gate_ns = GATE_NS + GATE_SIGMAS * deviation_ns;
         if innovation_ns.abs() > gate_ns {
+            let door_ns = DOOR_NS + (DOOR_PPB + 2.0 * DRIFT_PPB_PER_S * dt_s) * dt_s;
             if innovation_ns.abs() > gate_ns.max(door_ns) {
                 return Fit::Off;
             }

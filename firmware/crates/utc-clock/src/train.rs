@@ -18,8 +18,7 @@
 
 use timebase::{CORE_HZ, Cycles, Polarity, PulseEdge, PulseForecast};
 
-use crate::float::float;
-use crate::holdover::{CRYSTAL_PPB, DRIFT_PPB_PER_S};
+use crate::holdover::CRYSTAL_PPB;
 use crate::refusal::PulseRefusal;
 use crate::second::SECOND_NS;
 use crate::track::{Fit, PulseTrack};
@@ -39,8 +38,8 @@ const FORECAST_LASTS: u64 = CORE_HZ as u64 / 10 * 13;
 const SILENCE_LASTS: u64 = 10 * CORE_HZ as u64;
 /// Another train was there so lately. \[s\]
 const ALONE_S: f32 = 5.0;
-/// A train without a pulse for so long is over. \[s\]
-const OVER_S: f32 = 10.0;
+/// A train without a pulse for so long is over. \[ns\] 10 s
+const OVER_NS: i64 = 10 * SECOND_NS;
 
 /// TIM-TP that waited longer than so is about another pulse. \[µs\]
 const WAITED_US: u32 = 300_000;
@@ -54,8 +53,6 @@ const STRANGE_LASTS_NS: u64 = 60 * SECOND_NS as u64;
 /// So far apart are two such seconds that are one crystal's. \[ns\]
 const SAME_STRANGE_NS: i64 = 2_000;
 
-/// So far beside its track a pulse may be and still belong to its train: \[ns\]
-const DOOR_NS: f32 = 3_000.0;
 /// So many on end that are beside the track begin a new one.
 const MISFITS: u8 = 3;
 
@@ -97,10 +94,11 @@ pub(crate) enum EdgeVerdict {
     Proved {
         /// Which train; its [`Trains::track`] has this pulse in it.
         train: u8,
-        /// For how long it has been steady. \[s\]
-        steady_s: f32,
-        /// When it rose.
+        /// Its first pulse, by the board's counter. \[ns\]
+        since_ns: u64,
+        /// When it rose, by the same in cycles and in ns.
         rise: Cycles,
+        rise_ns: u64,
     },
     /// It is none to follow.
     Refused(PulseRefusal),
@@ -260,7 +258,8 @@ impl Trains {
         if is_silent {
             self.distrust();
         }
-        let edge_ns = rise.as_nanos().saturating_add_signed(i64::from(-late_ns));
+        let rise_ns = rise.as_nanos();
+        let edge_ns = rise_ns.saturating_add_signed(i64::from(-late_ns));
         let Some((index, fit)) = self.find(edge_ns) else {
             self.note_strange(edge_ns, is_vouched);
             self.begin(edge_ns, crystal());
@@ -291,8 +290,9 @@ impl Trains {
         self.strange.seconds = 0;
         EdgeVerdict::Proved {
             train: index as u8,
-            steady_s: float(edge_ns.wrapping_sub(since_ns).cast_signed()) * 1e-9,
+            since_ns,
             rise,
+            rise_ns,
         }
     }
 
@@ -326,13 +326,12 @@ impl Trains {
     fn find(&mut self, edge_ns: u64) -> Option<(usize, Fit)> {
         for (index, place) in self.trains.iter_mut().enumerate() {
             let Some(train) = place else { continue };
-            let since_s = train.track.since_s(edge_ns);
-            if since_s > OVER_S {
+            let since_ns = edge_ns.wrapping_sub(train.track.edge_ns()).cast_signed();
+            if since_ns > OVER_NS {
                 *place = None;
                 continue;
             }
-            let door_ns = DOOR_NS + (120.0 + 2.0 * DRIFT_PPB_PER_S * since_s) * since_s;
-            let fit = train.track.update(edge_ns, door_ns);
+            let fit = train.track.update(edge_ns);
             if fit != Fit::Off {
                 return Some((index, fit));
             }

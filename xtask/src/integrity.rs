@@ -16,7 +16,7 @@ use std::time::Instant;
 
 use ::flight::Flight;
 use ::flight::integrity::{
-    Availability, CHECKED, Campaign, JUDGING, TELLABLE_PER_UNTELLABLE, TUNING, campaign,
+    Availability, CHECKED, Campaign, TELLABLE_PER_UNTELLABLE, TUNING, campaign,
 };
 use anyhow::{Context, Result};
 use clap::Args;
@@ -30,8 +30,8 @@ use crate::image;
 #[derive(Args)]
 pub struct Options {
     /// Which schedules; without, 2 000 that no constant was tuned with. Tune with those
-    /// below 1000000
-    #[arg(long, value_name = "A..B", value_parser = seeds, default_value = "1000000..1002000")]
+    /// below 9000000
+    #[arg(long, value_name = "A..B", value_parser = seeds, default_value = "11000000..11002000")]
     seeds: Range<u64>,
     /// The 200 that are checked each time
     #[arg(long, conflicts_with = "seeds")]
@@ -103,9 +103,11 @@ fn bar(total: u64) -> ProgressBar {
 
 /// What the seeds are for.
 fn purpose(seeds: &Range<u64>) -> &'static str {
-    if seeds.end <= TUNING.end {
+    if *seeds == CHECKED {
+        "seeds of each check"
+    } else if seeds.end <= TUNING.end {
         "seeds for tuning"
-    } else if *seeds == JUDGING || *seeds == CHECKED || TUNING.end <= seeds.start {
+    } else if TUNING.end <= seeds.start {
         "seeds that no constant was tuned with"
     } else {
         "seeds of both kinds"
@@ -230,6 +232,8 @@ fn write_worst(options: &Options, detectable: &Campaign) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use ::flight::integrity::JUDGING;
+
     use super::*;
 
     #[test]
@@ -238,7 +242,7 @@ mod tests {
         for wrong in ["5..3", "3..3", "3", "a..b", ""] {
             assert!(seeds(wrong).is_err(), "{wrong}");
         }
-        assert_eq!(seeds("1000000..1002000"), Ok(JUDGING), "the default");
+        assert_eq!(seeds("11000000..11002000"), Ok(JUDGING), "the default");
     }
 
     #[test]

@@ -16,6 +16,7 @@
 
 mod boards;
 pub mod bounds;
+mod captured;
 mod case;
 mod conversation;
 mod ending;
@@ -34,6 +35,7 @@ mod statistics;
 mod units;
 
 pub use boards::{Boards, Crystals, Receivers};
+pub use captured::{Burst, Captured};
 pub use case::Case;
 pub use conversation::{Conversation, SILENCE_NS};
 pub use ending::{Results, text};

@@ -175,7 +175,7 @@ fn keep(text: &str) -> Result<()> {
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder)?;
     }
-    std::fs::write(&path, text).with_context(|| format!("cannot write {KEPT}"))
+    console::write_file(&path, text.as_bytes())
 }
 
 fn compare_with_kept(text: &str) -> Result<()> {

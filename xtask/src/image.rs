@@ -191,7 +191,7 @@ pub fn build_bootloader() -> Result<PathBuf> {
 /// When it cannot be written.
 pub fn keep(path: &Path, bytes: &[u8]) -> Result<()> {
     let unfinished = path.with_extension(format!("{}.tmp", std::process::id()));
-    std::fs::write(&unfinished, bytes)?;
+    console::write_file(&unfinished, bytes)?;
     Ok(std::fs::rename(&unfinished, path)?)
 }
 
@@ -228,4 +228,18 @@ pub fn metadata() -> Result<serde_json::Value> {
         .args(["metadata", "--format-version", "1", "--no-deps", "--locked"])
         .output()?;
     Ok(serde_json::from_slice(&output.stdout)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_user_builds_other_things_with_is_not_ours() {
+        let cargo = cargo();
+        for name in ["CARGO_BUILD_TARGET", "CARGO_ENCODED_RUSTFLAGS", "RUSTFLAGS"] {
+            let taken_away = (std::ffi::OsStr::new(name), None);
+            assert!(cargo.get_envs().any(|it| it == taken_away), "{name}");
+        }
+    }
 }

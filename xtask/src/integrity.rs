@@ -18,7 +18,7 @@ use ::flight::Flight;
 use ::flight::integrity::{
     Availability, CHECKED, Campaign, TELLABLE_PER_UNTELLABLE, TUNING, campaign,
 };
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::{Value, json};
@@ -207,8 +207,7 @@ fn write_worst(options: &Options, detectable: &Campaign) -> Result<()> {
     for played in &detectable.worst {
         let file = folder.join(format!("seed-{}.ev", played.schedule.seed));
         let flight = Flight::from(&played.schedule);
-        std::fs::write(&file, flight.to_string())
-            .with_context(|| format!("cannot write {}", file.display()))?;
+        console::write_file(&file, flight.to_string().as_bytes())?;
         let kinds: Vec<_> = played
             .schedule
             .faults

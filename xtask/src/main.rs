@@ -14,6 +14,7 @@ mod card_faults;
 mod ci;
 mod clients;
 mod compare;
+mod csv_text;
 mod ctrl_c;
 mod curve;
 mod deps;

@@ -21,6 +21,8 @@ use comparison::trace::Trace;
 
 pub use options::Options;
 
+use crate::csv_text;
+
 /// Replays the file.
 ///
 /// # Errors
@@ -28,7 +30,8 @@ pub use options::Options;
 /// When it cannot be read, or is none of the three.
 pub fn run(options: &Options) -> Result<ExitCode> {
     let path = options.file.display();
-    let bytes = std::fs::read(&options.file).with_context(|| format!("cannot read {path}"))?;
+    let read = std::fs::read(&options.file).with_context(|| format!("cannot read {path}"))?;
+    let bytes = csv_text::plain(&read).with_context(|| format!("cannot read {path}"))?;
     if Flight::is_one(&bytes) {
         return flight::run(options, &bytes);
     }

@@ -1,6 +1,7 @@
 //! All that differs between the systems that a verb may run on: Linux, macOS and Windows.
 
-use std::process::{Command, ExitCode};
+use std::io;
+use std::process::{Child, Command, ExitCode};
 
 use anyhow::{Context, Result};
 
@@ -48,6 +49,26 @@ pub fn keep_ctrl_c_from(command: &mut Command) -> &mut Command {
     }
     #[cfg(not(any(unix, windows)))]
     command
+}
+
+/// Where a virtual environment of Python's has its program.
+pub const IN_VENV: &str = if cfg!(windows) {
+    "Scripts/python.exe"
+} else {
+    "bin/python"
+};
+
+/// Ends a program as Ctrl-C does; where no signal can be sent it is ended at once.
+///
+/// # Errors
+///
+/// It has ended by itself, or may not be ended.
+pub fn interrupt(child: &mut Child) -> io::Result<()> {
+    if cfg!(unix) {
+        let id = child.id().to_string();
+        return Command::new("kill").args(["-INT", &id]).status().map(drop);
+    }
+    child.kill()
 }
 
 /// The name of a program's file.

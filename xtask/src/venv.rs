@@ -10,7 +10,7 @@ use std::thread;
 
 use anyhow::{Context as _, Result};
 
-use crate::image;
+use crate::{image, system};
 
 /// The release whose behaviour the node was built for.
 pub const PYMAVLINK: &str = "pymavlink==2.4.50";
@@ -22,7 +22,7 @@ pub const PYMAVLINK: &str = "pymavlink==2.4.50";
 /// When there is no Python, or pip cannot have them.
 pub fn with(name: &str, module: &str, packages: &[&[&str]]) -> Result<PathBuf> {
     let folder = image::target_dir()?.join(name);
-    let python = folder.join("bin").join("python");
+    let python = folder.join(system::IN_VENV);
     let stamp = folder.join("packages");
     let wanted = format!("{packages:?}");
     let is_made = std::fs::read_to_string(&stamp).is_ok_and(|made| made == wanted)
@@ -109,8 +109,7 @@ impl Board {
     /// Ends it as Ctrl-C does.
     pub fn stop(&mut self) {
         // It may have ended by itself; then there is nothing to stop.
-        let id = self.0.id().to_string();
-        let _ = Command::new("kill").args(["-INT", &id]).status();
+        let _ = system::interrupt(&mut self.0);
         let _ = self.0.wait();
     }
 }

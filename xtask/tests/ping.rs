@@ -310,7 +310,14 @@ fn refuses_wrong_usage_with_what_is_allowed() {
 
 #[cfg(unix)]
 #[test]
-fn ctrl_c_ends_with_a_summary() {
+fn ctrl_c_and_a_terminal_that_closes_end_with_a_summary() {
+    for signal in ["-INT", "-HUP"] {
+        ends_with_a_summary(signal);
+    }
+}
+
+#[cfg(unix)]
+fn ends_with_a_summary(signal: &str) {
     let address = node(Clock::HostPlus(0));
     let child = Command::new(env!("CARGO_BIN_EXE_xtask"))
         .args(["ping", &address, "--count", "1000", "--interval", "50"])
@@ -319,7 +326,7 @@ fn ctrl_c_ends_with_a_summary() {
         .expect("xtask runs");
     thread::sleep(Duration::from_millis(700));
     let interrupt = Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
+        .args([signal, &child.id().to_string()])
         .status();
     assert!(interrupt.expect("kill runs").success());
     let output = child.wait_with_output().expect("it ends");

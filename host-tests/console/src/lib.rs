@@ -14,6 +14,7 @@
 
 mod board;
 mod event;
+mod file;
 mod image;
 mod log;
 mod options;
@@ -27,6 +28,7 @@ pub mod units;
 mod writer;
 
 pub use event::Event;
+pub use file::write_file;
 pub use image::{
     Word, flash_bytes, for_recording, patched, read_recording, with_word, word_address,
 };

@@ -58,17 +58,20 @@ fn write(act: impl FnOnce(&mut dyn io::Write) -> io::Result<()>) {
     let Err(error) = act(&mut out).and_then(|()| out.flush()) else {
         return;
     };
-    IS_GONE.store(true, Ordering::Relaxed);
     if error.kind() != ErrorKind::BrokenPipe {
         crate::print_error!("error: cannot write the output: {error}");
     }
+    IS_GONE.store(true, Ordering::Relaxed);
     if !ENDS_BY_ITSELF.load(Ordering::Relaxed) {
         std::process::exit(1);
     }
 }
 
-/// Writes a line to standard error if it can be written.
+/// Writes a line to standard error if it can be written, and nothing once [`is_output_gone`].
 pub fn write_error(line: fmt::Arguments<'_>) {
+    if is_output_gone() {
+        return;
+    }
     // There is nowhere to say that there is nowhere to say it.
     let _ = writeln!(anstream::stderr().lock(), "{line}");
 }

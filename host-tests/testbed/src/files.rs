@@ -13,11 +13,12 @@
 //! *Limits.* Files of an earlier experiment in the same folder are overwritten where
 //! they have the same name; those of other methods and seeds stay.
 
-use std::fs::{self, File};
-use std::io::{ErrorKind, Write as _};
+use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
+use console::write_file;
 use serde_json::{Value, json};
 
 use crate::record::Record;
@@ -41,8 +42,9 @@ impl Folder {
         // An earlier experiment's files stay as they are until there are new ones.
         let probe = path.join("can-be-written");
         fs::create_dir_all(path)
-            .and_then(|()| fs::write(&probe, "yes\n"))
-            .and_then(|()| fs::remove_file(&probe))
+            .map_err(Into::into)
+            .and_then(|()| write_file(&probe, b"yes\n"))
+            .and_then(|()| Ok(fs::remove_file(&probe)?))
             .with_context(|| {
                 format!(
                     "no results can be written to {}; name another folder with --out",
@@ -74,7 +76,7 @@ impl Folder {
             written = written.and(write_csv(&file, |csv| samples(csv, record)));
             let file = folder.join(format!("log-{number}.csv"));
             written = written.and(match &record.own_log {
-                Some(log) => write(&file, log),
+                Some(log) => write_file(&file, log),
                 None => remove(&file),
             });
         }
@@ -89,14 +91,14 @@ impl Folder {
     /// Names the first file that could not be written; the others are.
     pub fn write_summary(&self, experiment: &Experiment) -> Result<()> {
         let summary = format!("{:#}\n", summary(experiment));
-        let summary = write(&self.path.join("summary.json"), summary.as_bytes());
+        let summary = write_file(&self.path.join("summary.json"), summary.as_bytes());
         let report = report::html(experiment)?;
-        let report = write(&self.path.join("report.html"), report.as_bytes());
+        let report = write_file(&self.path.join("report.html"), report.as_bytes());
         let figures = self.path.join("figures");
         let mut written = fs::create_dir_all(&figures).map_err(Into::into);
         for run in report::first_runs(experiment) {
             let file = figures.join(format!("{}.svg", run.case.folder()));
-            written = written.and(write(&file, report::picture(run)?.as_bytes()));
+            written = written.and(write_file(&file, report::picture(run)?.as_bytes()));
         }
         summary.and(report).and(written)
     }
@@ -117,23 +119,13 @@ impl Folder {
     }
 }
 
-fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    File::create(path)
-        .and_then(|mut file| file.write_all(bytes))
-        .with_context(|| cannot_write(path))
-}
-
 /// Takes away what an earlier run has left.
 fn remove(path: &Path) -> Result<()> {
     match fs::remove_file(path) {
         Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
         _ => Ok(()),
     }
-    .with_context(|| cannot_write(path))
-}
-
-fn cannot_write(path: &Path) -> String {
-    format!("cannot write {}", path.display())
+    .with_context(|| format!("cannot write {}", path.display()))
 }
 
 fn write_csv(
@@ -143,7 +135,7 @@ fn write_csv(
     let mut csv = csv::Writer::from_writer(Vec::new());
     rows(&mut csv)?;
     let bytes = csv.into_inner().map_err(csv::IntoInnerError::into_error)?;
-    write(path, &bytes)
+    write_file(path, &bytes)
 }
 
 fn samples(csv: &mut csv::Writer<Vec<u8>>, record: &Record) -> csv::Result<()> {

@@ -45,7 +45,8 @@ pub fn routes(track: &Track, straight: &[Piece], curved: &[Piece], svg: &Path) -
     let (east, north) = (span(|it| it.0), span(|it| it.1));
     let height = 1_000.0 * (north.end - north.start) / (east.end - east.start);
     let size = (1_080, height.clamp(300.0, 1_400.0) as u32 + 90);
-    let area = SVGBackend::new(svg, size).into_drawing_area();
+    let mut text = String::new();
+    let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
     area.fill(&WHITE)?;
     let mut chart = ChartBuilder::on(&area)
         .margin(10)
@@ -81,7 +82,8 @@ pub fn routes(track: &Track, straight: &[Piece], curved: &[Piece], svg: &Path) -
         .label_font((FONT, 14))
         .draw()?;
     area.present()?;
-    Ok(())
+    drop((chart, area));
+    console::write_file(svg, text.as_bytes())
 }
 
 /// Draws the distances of each method's first seed over time, by decades.
@@ -95,7 +97,8 @@ pub fn distances(found: &[Apart], speed_m_s: f64, svg: &Path) -> Result<()> {
     let firsts = || found.iter().flat_map(|it| &it.points[..it.first_seed]);
     let end_s = firsts().map(|it| it.0).fold(1.0, f64::max);
     let most_m = found.iter().map(Apart::most_m).fold(1e-6, f64::max) * 3.0;
-    let area = SVGBackend::new(svg, (1_200, 600)).into_drawing_area();
+    let mut text = String::new();
+    let area = SVGBackend::with_string(&mut text, (1_200, 600)).into_drawing_area();
     area.fill(&WHITE)?;
     let mut chart = ChartBuilder::on(&area)
         .caption(
@@ -128,5 +131,6 @@ pub fn distances(found: &[Apart], speed_m_s: f64, svg: &Path) -> Result<()> {
         .label_font((FONT, 13))
         .draw()?;
     area.present()?;
-    Ok(())
+    drop((chart, area));
+    console::write_file(svg, text.as_bytes())
 }

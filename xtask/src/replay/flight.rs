@@ -19,6 +19,7 @@ use serde_json::{Value, json};
 
 use super::flight_plot;
 use super::options::Options;
+use crate::csv_text;
 
 /// The first line of a file of readings.
 const READINGS_HEADER: &str = "us,utc_ns,uncertainty_ns,state";
@@ -62,7 +63,7 @@ pub fn run(options: &Options, content: &[u8]) -> Result<ExitCode> {
         }
     });
     if let (Some(file), Some(text)) = (&options.readings, readings) {
-        std::fs::write(file, text).with_context(|| format!("cannot write {}", file.display()))?;
+        console::write_file(file, text.as_bytes())?;
     }
     let svg = options.svg()?;
     flight_plot::draw(&flight, &replayed, &name, &svg)
@@ -99,7 +100,8 @@ pub fn run(options: &Options, content: &[u8]) -> Result<ExitCode> {
 /// The rows of the table in the file `table` that name the flight.
 fn demands_of(table: &std::path::Path, name: &str) -> Result<Vec<Demand>> {
     let path = table.display();
-    let bytes = std::fs::read(table).with_context(|| format!("cannot read {path}"))?;
+    let read = std::fs::read(table).with_context(|| format!("cannot read {path}"))?;
+    let bytes = csv_text::plain(&read).with_context(|| format!("cannot read {path}"))?;
     let mut demands = demands::parse(&bytes).with_context(|| format!("{path} has no demands"))?;
     demands.retain(|demand| demand.file == name);
     Ok(demands)

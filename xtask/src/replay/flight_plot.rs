@@ -33,7 +33,8 @@ pub fn draw(flight: &Flight, replayed: &Replayed<'_>, title: &str, svg: &Path) -
         .filter_map(|point| point.worst)
         .map(|(error, claim)| scaled(error.max(claim)))
         .fold(1e3, f64::max);
-    let area = SVGBackend::new(svg, SIZE).into_drawing_area();
+    let mut text = String::new();
+    let area = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
     area.fill(&WHITE)?;
     let mut chart = ChartBuilder::on(&area)
         .caption(title, (FONT, 18))
@@ -92,7 +93,8 @@ pub fn draw(flight: &Flight, replayed: &Replayed<'_>, title: &str, svg: &Path) -
         .label_font((FONT, 14))
         .draw()?;
     area.present()?;
-    Ok(())
+    drop((chart, area));
+    console::write_file(svg, text.as_bytes())
 }
 
 const fn error(worst: (u64, u64)) -> u64 {

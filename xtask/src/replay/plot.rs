@@ -35,7 +35,8 @@ pub fn draw(replayed: &Replayed, title: &str, svg: &Path) -> Result<()> {
     let end = seconds(replayed.at.last().copied().unwrap_or(begin)).max(1.0);
     let (low, high) = scale(replayed);
 
-    let area = SVGBackend::new(svg, SIZE).into_drawing_area();
+    let mut text = String::new();
+    let area = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
     area.fill(&WHITE)?;
     let mut chart = ChartBuilder::on(&area)
         .caption(title, (FONT, 18))
@@ -84,7 +85,8 @@ pub fn draw(replayed: &Replayed, title: &str, svg: &Path) -> Result<()> {
         .label_font((FONT, 14))
         .draw()?;
     area.present()?;
-    Ok(())
+    drop((chart, area));
+    console::write_file(svg, text.as_bytes())
 }
 
 /// From where to where, in ms: the middle 99 % of what each clock published, and a

@@ -67,8 +67,7 @@ impl<'a> Setup<'a> {
     /// Its port is taken, or the emulator refuses its image.
     pub fn power_on(&self, index: u16) -> anyhow::Result<Life> {
         let mavlink_port = self.options.shared.mavlink_port_of(index);
-        let line = TcpLine::listen(mavlink_port)
-            .context("its port is taken; `--mavlink-port` names another one")?;
+        let line = listen(mavlink_port)?;
         let visits = line.visits();
         let id = system_id(index).into();
         let firmware = self.firmware.with_word(Word::SystemId, id)?;
@@ -184,6 +183,12 @@ impl<'a> Setup<'a> {
         );
         lines
     }
+}
+
+/// A line at a port of this host.
+fn listen(port: u16) -> anyhow::Result<TcpLine> {
+    TcpLine::listen(port)
+        .with_context(|| format!("port {port} cannot be had (`--mavlink-port` names another one)"))
 }
 
 /// A card whose blocks are those of an image; an image that cannot be written is write-protected.

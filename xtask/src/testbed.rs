@@ -20,7 +20,7 @@ use std::process::{Command, ExitCode};
 use anyhow::{Result, bail};
 use clap::error::ErrorKind;
 use clap::{Args as _, Command as Clap};
-use testbed::{Boards, Case, Options, Place, Results, progress};
+use testbed::{Boards, Case, Link as By, Options, Place, Results, progress};
 use variant::Image;
 
 use crate::ctrl_c;
@@ -43,6 +43,15 @@ pub fn run(options: &Options, arguments: &[OsString]) -> Result<ExitCode> {
         wrong_usage(
             "--load is for virtual boards; a real one has the load that it is built with (PIXCLOCK_LOAD)",
         );
+    }
+    if options.boards == Boards::Qemu && options.links() != [By::Telem1] {
+        wrong_usage("QEMU has no USB, and its boards are asked by TELEM1 alone");
+    }
+    if matches!(options.boards, Boards::At(_)) && options.links().len() > 1 {
+        wrong_usage("real boards are asked by one link: the one that their addresses are");
+    }
+    if options.one_line && options.first_link() == By::Usb {
+        wrong_usage("--one-line is a serial line to all boards, and USB is none");
     }
     match &options.boards {
         Boards::Virtual => on_virtual_boards(options, arguments),

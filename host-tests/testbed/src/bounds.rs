@@ -12,8 +12,11 @@ use variant::Load;
 
 use crate::boards::Receivers;
 use crate::case::Case;
+use crate::latency::beyond_telem1;
+use crate::link::{FRAME_NS, Link};
 use crate::method::Method;
 use crate::run::{Experiment, Place, Run};
+use crate::units::with_sign;
 
 /// pixclock's mean difference. \[ns\]
 const PIXCLOCK_NS: f64 = 300_000.0;
@@ -92,6 +95,7 @@ pub fn judge(experiment: &Experiment) -> Vec<Bound> {
         );
     }
     bounds.extend(under_load(experiment));
+    bounds.extend(by_usb(experiment));
     let mut hold = |text, measured, holds| {
         bounds.push(Bound {
             text,
@@ -114,6 +118,27 @@ pub fn judge(experiment: &Experiment) -> Vec<Bound> {
         );
     }
     bounds
+}
+
+/// What has to hold by USB, of our methods: the paper's read a clock that stands still between ticks.
+fn by_usb(experiment: &Experiment) -> Option<Bound> {
+    let cases = experiment.cases().into_iter();
+    let ours = cases.filter(|case| case.link == Link::Usb && !case.method.is_papers());
+    let beyond: Vec<_> = ours
+        .filter_map(|case| beyond_telem1(experiment, case))
+        .collect();
+    let least = beyond.iter().map(|latency| latency.least).min()?;
+    let greatest = beyond.iter().map(|latency| latency.greatest).max()?;
+    Some(Bound {
+        text: "by USB: stamped as by TELEM1 or later, by at most one frame of 1 ms",
+        measured: format!(
+            "{} to {}",
+            with_sign(least as f64),
+            with_sign(greatest as f64)
+        ),
+        // By TELEM1 a stamp is later than the PING by the time of a byte, and by USB no stamp is before the PING.
+        holds: least >= -Link::Telem1.constant_ns() && greatest <= FRAME_NS,
+    })
 }
 
 /// What has to hold where a load is built in.
@@ -167,7 +192,8 @@ fn under_load(experiment: &Experiment) -> Vec<Bound> {
             let is_whole = experiment
                 .runs_of(*case)
                 .all(|run| run.lasted_s >= WHOLE_TEST_S);
-            case.method == method && is_loaded && is_whole && case.receivers == Receivers::M8
+            let is_usual = case.receivers == Receivers::M8 && case.link != Link::Usb;
+            case.method == method && is_loaded && is_whole && is_usual
         });
         let means = cases.filter_map(|case| experiment.estimate(case));
         means.map(|estimate| estimate.mean).max_by(f64::total_cmp)

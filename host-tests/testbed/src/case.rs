@@ -12,9 +12,10 @@ use std::fmt;
 use variant::{Image, Load};
 
 use crate::boards::Receivers;
+use crate::link::Link;
 use crate::method::Method;
 
-/// A method of keeping time, under a load, with receivers.
+/// A method of keeping time, under a load, with receivers, asked by a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Case {
     /// How time is kept.
@@ -23,16 +24,19 @@ pub struct Case {
     pub receivers: Receivers,
     /// How much of the core a load takes that is built in; 0 is none. \[%\]
     pub load: u8,
+    /// By which link the boards are asked.
+    pub link: Link,
 }
 
 impl Case {
-    /// A method without a load.
+    /// A method without a load, by TELEM1.
     #[must_use]
     pub const fn of(method: Method, receivers: Receivers) -> Self {
         Self {
             method,
             receivers,
             load: 0,
+            link: Link::Telem1,
         }
     }
 
@@ -55,6 +59,9 @@ impl Case {
         if self.receivers != Receivers::M8 {
             title += &format!(", receivers {}", self.receivers.name());
         }
+        if self.link != Link::Telem1 {
+            title += &format!(", by {}", self.link);
+        }
         title
     }
 
@@ -67,6 +74,9 @@ impl Case {
         }
         if self.receivers != Receivers::M8 {
             name += &format!("-{}", self.receivers.name());
+        }
+        if self.link != Link::Telem1 {
+            name += &format!("-{}", self.link.name());
         }
         name
     }
@@ -81,6 +91,9 @@ impl fmt::Display for Case {
         }
         if self.receivers != Receivers::M8 {
             write!(f, ", receivers {}", self.receivers.name())?;
+        }
+        if self.link != Link::Telem1 {
+            write!(f, ", by {}", self.link)?;
         }
         Ok(())
     }
@@ -98,13 +111,14 @@ mod tests {
         let loaded = Case {
             load: 60,
             receivers: Receivers::Paper,
+            link: Link::Usb,
             ..case
         };
         assert_eq!(loaded.image(1).load, Load::of(60));
-        assert_eq!(loaded.folder(), "paper-step1-load-60-paper");
+        assert_eq!(loaded.folder(), "paper-step1-load-60-paper-usb");
         assert_eq!(
             loaded.to_string(),
-            "paper-step1, load 60 %, receivers paper"
+            "paper-step1, load 60 %, receivers paper, by USB"
         );
     }
 }

@@ -19,7 +19,7 @@ use crate::options::Options;
 use crate::report::estimate_text;
 use crate::run::{Experiment, Place, Run};
 use crate::units::with_unit;
-use crate::{bounds, report};
+use crate::{bounds, links, report};
 
 /// The runs of an experiment while they are made.
 #[derive(Debug)]
@@ -174,6 +174,7 @@ pub fn text(experiment: &Experiment) -> String {
     if experiment.place != Place::Virtual {
         let _ = write!(out, "{}", report::noise_text(experiment));
     }
+    out += &links::text(experiment);
     for run in experiment.runs.iter().filter(|run| run.missing() > 0) {
         let _ = write!(
             out,

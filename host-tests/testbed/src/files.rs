@@ -21,6 +21,8 @@ use anyhow::{Context as _, Result};
 use console::write_file;
 use serde_json::{Value, json};
 
+use crate::latency::{Latency, beyond_telem1, latencies};
+use crate::link::Link;
 use crate::record::Record;
 use crate::run::{Experiment, Run};
 use crate::statistics::{Estimate, Spread};
@@ -189,11 +191,18 @@ pub fn summary(experiment: &Experiment) -> Value {
                 "method": method.to_string(),
                 "load_percent": case.load,
                 "receivers": case.receivers.name(),
+                "link": case.link.name(),
+                "arrival_unknown_ns": case.link.unknown_ns(),
                 "paper_mean_ns": method.paper_ms().map(|ms| (ms * 1e6).round()),
                 "mean_of_runs": experiment.estimate(case).map(estimate_value),
                 "difference": experiment.spread(case).map(spread_value),
                 "error_to_utc":
                     experiment.errors(case).into_iter().map(spread_value).collect::<Vec<_>>(),
+                "sending_to_stamp":
+                    latencies(experiment, case).into_iter().map(latency_value).collect::<Vec<_>>(),
+                "stamp_less_telem1": beyond_telem1(experiment, case)
+                    .filter(|_| case.link != Link::Telem1)
+                    .map(latency_value),
                 "reduction": experiment.reduction(case),
                 "runs": runs,
             })
@@ -256,6 +265,17 @@ fn spread_value(spread: Spread) -> Value {
         "p95_ns": spread.p95,
         "p99_ns": spread.p99,
         "max_ns": spread.max,
+    })
+}
+
+fn latency_value(latency: Latency) -> Value {
+    json!({
+        "count": latency.count,
+        "least_ns": latency.least,
+        "mean_ns": latency.mean,
+        "p95_ns": latency.p95,
+        "greatest_ns": latency.greatest,
+        "deviation_ns": latency.deviation,
     })
 }
 

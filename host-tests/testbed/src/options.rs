@@ -15,6 +15,7 @@ use variant::{Image, Load, UnknownLoad};
 
 use crate::boards::{Boards, Crystals, Receivers};
 use crate::case::Case;
+use crate::link::Link;
 use crate::method::Method;
 
 /// PINGs a second at most: more than the line has room for.
@@ -66,6 +67,11 @@ pub struct Options {
     /// commas between them, make a row each
     #[arg(long = "load", value_name = "LEVEL,LEVEL", value_delimiter = ',', default_value = "0", value_parser = parse_load)]
     loads: Vec<u8>,
+
+    /// By which link the boards are asked; on virtual boards several, with commas between them, make a row each, and
+    /// `--check` adds TELEM1 to USB, which is held against it
+    #[arg(long = "link", value_enum, value_delimiter = ',', default_values_t = [Link::Telem1])]
+    links: Vec<Link>,
 
     /// The same in ten minutes: one seed, 30 s after 30, whatever --seeds, --duration and --settle say
     #[arg(long)]
@@ -140,19 +146,40 @@ impl Options {
         for method in self.methods() {
             for &receivers in &self.receivers {
                 for &load in &self.loads {
-                    let case = Case {
-                        method,
-                        receivers,
-                        load,
-                    };
-                    // What is named twice is run once.
-                    if !cases.contains(&case) {
-                        cases.push(case);
+                    for link in self.links() {
+                        let case = Case {
+                            method,
+                            receivers,
+                            load,
+                            link,
+                        };
+                        // What is named twice is run once.
+                        if !cases.contains(&case) {
+                            cases.push(case);
+                        }
                     }
                 }
             }
         }
         cases
+    }
+
+    /// The links, TELEM1 first.
+    #[must_use]
+    pub fn links(&self) -> Vec<Link> {
+        let mut links = self.links.clone();
+        if self.check && self.boards == Boards::Virtual && links.contains(&Link::Usb) {
+            links.push(Link::Telem1);
+        }
+        links.sort();
+        links.dedup();
+        links
+    }
+
+    /// The link to boards that have the same in every row: the first that is named.
+    #[must_use]
+    pub fn first_link(&self) -> Link {
+        self.links.first().copied().unwrap_or(Link::Telem1)
     }
 
     /// Whether a load is asked for.
@@ -210,6 +237,10 @@ impl Options {
         command += &format!(" --settle {}", self.settle);
         if self.one_line {
             command += " --one-line";
+        }
+        if self.links() != [Link::Telem1] {
+            let links: Vec<_> = self.links().iter().map(|link| link.name()).collect();
+            command += &format!(" --link {}", links.join(","));
         }
         if !self.are_real() {
             let receivers: Vec<_> = self.receivers.iter().map(|each| each.name()).collect();
@@ -299,6 +330,9 @@ mod tests {
             "",
             "--method pixclock,paper-step2:50 --method paper-default --seeds 5 --crystals -1.5,0,2 --cpi 1.6",
             "--load 0,px4,60 --receiver m8,paper,paper-half --quick",
+            "--method pixclock-pps --link usb,telem1,telem2",
+            "--method pixclock --link usb --check",
+            "--boards serial:/dev/ttyACM0,serial:/dev/ttyACM1 --link usb",
             "--boards qemu --receiver harsh --duration 60 --settle 30 --rate 100",
             "--boards tcp:localhost:5760,tcp:localhost:5761 --method all --one-line",
         ] {
@@ -306,7 +340,18 @@ mod tests {
             let again = command.strip_prefix("cargo xtask testbed").unwrap();
             assert_eq!(parse(again).unwrap().command(), command);
             assert_eq!(command.contains("--one-line"), words.contains("--one-line"));
+            assert_eq!(command.contains("--link"), words.contains("--link"));
         }
+    }
+
+    #[test]
+    fn usb_is_held_against_telem1_where_the_truth_is_known() {
+        let links = |words: &str| parse(words).unwrap().links();
+        assert_eq!(links(""), [Link::Telem1]);
+        assert_eq!(links("--link usb"), [Link::Usb]);
+        assert_eq!(links("--link usb --check"), [Link::Telem1, Link::Usb]);
+        let real = "--boards serial:/dev/ttyACM0,serial:/dev/ttyACM1 --link usb --check";
+        assert_eq!(links(real), [Link::Usb]);
     }
 
     #[test]
@@ -329,6 +374,7 @@ mod tests {
             ("--duration 0", "1..=86400"),
             ("--rate 0", "1..=1000"),
             ("--receiver m9", "m8, f9, harsh, paper, paper-half"),
+            ("--link uart4", "telem1, telem2, usb"),
             ("--load 81", "from 0 to 80"),
             ("--load px5", "from 0 to 80"),
         ] {

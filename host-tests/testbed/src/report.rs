@@ -17,6 +17,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::bounds;
 use crate::case::Case;
+use crate::links;
 use crate::method::Method;
 use crate::pairing::Difference;
 use crate::plot::{self, Curve, Level};
@@ -56,7 +57,7 @@ pub fn html(experiment: &Experiment) -> Result<String> {
                 (anomalies(experiment))
                 h2 { "The table" }
                 (table(experiment))
-                @if experiment.place == Place::Virtual { (errors(experiment)) }
+                @if experiment.place == Place::Virtual { (errors(experiment)) (links::section(experiment)) }
                 @else { (noise(experiment)) }
                 (over_the_load(experiment)?)
                 h2 { "The figures" }
@@ -238,7 +239,8 @@ fn errors(experiment: &Experiment) -> Markup {
     html! {
         h3 { "Each board against UTC" }
         p {
-            "On virtual boards the truth is known. A clock that knows nothing of its receiver’s \
+            "On virtual boards the truth is known: a PING arrives with its first byte, and by USB it counts from \
+             its leaving. A clock that knows nothing of its receiver’s \
              latency is late by its floor; between equal receivers that cancels. The pulse has none: what \
              is left with it is the interrupt that stamps a PING"
             @if !experiment.is_to_the_ns() {
@@ -274,6 +276,7 @@ fn noise(experiment: &Experiment) -> Markup {
                  discarded before the table was made."
             }
         }
+        @for line in links::unknown(experiment) { p { (line) } }
         div.scroll { table {
             thead { tr {
                 th { "method" } th { "board" } th { "least round trip" } th { "median" } th { "95 % below" }
@@ -322,6 +325,9 @@ pub(crate) fn noise_text(experiment: &Experiment) -> String {
                 with_unit(delays.max as f64),
             );
         }
+    }
+    for line in links::unknown(experiment) {
+        let _ = writeln!(out, "{line}");
     }
     out
 }

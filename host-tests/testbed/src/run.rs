@@ -16,7 +16,7 @@ use crate::statistics::{Estimate, Spread};
 /// One method of keeping time, once.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Run {
-    /// The method, the load and the receivers.
+    /// The method, the load, the receivers and the link.
     pub case: Case,
     /// Where its chance came from.
     pub seed: u64,
@@ -116,13 +116,13 @@ impl Experiment {
         cases
     }
 
-    /// The row of a method without a load, with the first of the receivers, if it was run.
+    /// The row of a method without a load, with the first of the receivers and links, if it was run.
     #[must_use]
     pub fn plain(&self, method: Method) -> Option<Case> {
         let cases = self.cases().into_iter();
         cases
             .filter(|case| case.method == method && case.load == 0)
-            .min_by_key(|case| case.receivers)
+            .min_by_key(|case| (case.receivers, case.link))
     }
 
     /// The runs of a row.

@@ -16,3 +16,9 @@ pub(crate) fn with_unit(ns: f64) -> String {
     };
     format!("{value:.decimals$} {unit}")
 }
+
+/// The same of a difference, which may be negative.
+pub(crate) fn with_sign(ns: f64) -> String {
+    let sign = if ns < 0.0 { "−" } else { "+" };
+    format!("{sign}{}", with_unit(ns.abs()))
+}

@@ -11,7 +11,8 @@
 //!
 //! *Limits.* Moments are this host's, with its scheduling: how late each PING left and
 //! how long each answer took is measured and reported. A serial line's own delay (an adapter
-//! that collects bytes for a millisecond) is in the round trip.
+//! that collects bytes for a millisecond) is in the round trip. A frame of USB that a PING waits for is not; it is in
+//! the statement of uncertainty.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -220,7 +221,10 @@ pub fn run(
     let late_ns = judged.map(|record| discard_late(record).unwrap_or(0));
     let late_ns = late_ns.collect();
     Ok(Run {
-        case: Case::of(method, options.first_receivers()),
+        case: Case {
+            link: options.first_link(),
+            ..Case::of(method, options.first_receivers())
+        },
         seed,
         lasted_s,
         records,

@@ -11,10 +11,10 @@ use fat_image::Kind;
 use indicatif::ProgressBar;
 use mavlink_node::client::{Client, GROUND_STATION, Message, Received};
 use mavlink_node::{Parameter, Version};
-use testbed::{Case, Conversation, Options, OwnLog, Record, Schedule};
+use testbed::{Case, Conversation, Link, Options, OwnLog, Record, Schedule};
 use timebase::{Stamp, StampedByte};
 use variant::{Image, Variant};
-use virtual_pixhawk::{Builder, Card, Connector, Firmware, Gaps, Pixhawk, Script};
+use virtual_pixhawk::{Builder, Card, Connector, Firmware, Gaps, Host, Pixhawk, Script};
 use world::{Port, Receiver, ReceiverSettings};
 
 use crate::outgoing;
@@ -25,9 +25,6 @@ const SECOND: u64 = 1_000_000_000;
 const START_UTC_NS: i64 = 1_795_320_000 * 1_000_000_000;
 /// Boards get power within this time. \[ns\]
 const POWER_WITHIN_NS: u64 = SECOND;
-/// From the start of a PING to the end of its first byte, ten bits at the board's own speed (42 MHz
-/// by 365, RM0090 30.3.4). \[ns\]
-const FIRST_BYTE_NS: i64 = 86_905;
 /// How far the TCXO of a receiver is off, at most. \[ppb\]
 const RECEIVER_PPB: i32 = 1_000;
 /// How long a board runs on after the last PING: for its last answers, its next status line, and
@@ -52,6 +49,7 @@ fn port(image: Image) -> Port {
 pub struct Prepared {
     builder: Builder,
     name: String,
+    link: Link,
     schedule: Schedule,
     /// From the world's start to its power. \[ns\]
     power_ns: u64,
@@ -70,6 +68,7 @@ pub struct Finished {
 /// A board under power.
 struct Running {
     board: Pixhawk,
+    link: Link,
     conversation: Conversation,
     client: Client,
     /// The PINGs to come, with their numbers.
@@ -125,8 +124,13 @@ impl Prepared {
         let mut builder = Builder::new(firmware)
             .pace(pace)
             .crystal_ppb(crystal_ppb)
-            .telem1(Script::new(outgoing::all(schedule, test_ns - power_ns)))
             .card(Card::holding(&fat_image::formatted(Kind::Fat16)));
+        let laptop = Script::new(outgoing::all(schedule, test_ns - power_ns));
+        builder = match case.link {
+            Link::Telem1 => builder.telem1(laptop),
+            Link::Telem2 => builder.telem2(laptop),
+            Link::Usb => builder.usb(Host::new(laptop).in_frame(power_ns)),
+        };
         let receiver = Receiver::new(receiver);
         builder = if case.method.has_pulse() {
             builder.gps_and_pulse(receiver)
@@ -136,6 +140,7 @@ impl Prepared {
         Ok(Self {
             builder,
             name: format!("board {}", index + 1),
+            link: case.link,
             schedule,
             power_ns,
             test_ns,
@@ -160,6 +165,7 @@ impl Prepared {
         let pings: Vec<_> = numbers.zip(starts.map(|ping| ping.start.0)).collect();
         let mut running = Running {
             board: self.builder.power_on()?,
+            link: self.link,
             conversation: Conversation::new(&self.name),
             client: Client::new(GROUND_STATION, Version::V2),
             pings: pings.into_iter().peekable(),
@@ -204,7 +210,12 @@ impl Running {
             let sent_ns = self.since_test(at);
             self.conversation.handle_sent(sequence, sent_ns, None);
         }
-        for received in self.board.take_received(Connector::Telem1)? {
+        let received = match self.link {
+            Link::Telem1 => self.board.take_received(Connector::Telem1)?,
+            Link::Telem2 => self.board.take_received(Connector::Telem2)?,
+            Link::Usb => self.board.with_usb(Host::take_received)?,
+        };
+        for received in received {
             let byte = StampedByte {
                 stamp: Stamp((received.at.0 / 6) as u32),
                 byte: received.byte,
@@ -226,8 +237,13 @@ impl Running {
         if let Some(status) = statuses.next_back() {
             // Counters of 0 are left out.
             let count = |name| status.number(name).unwrap_or(0) as u32;
-            self.line_full = count("mav_outgoing_full");
-            self.overruns = count("gps_overrun") + count("mav_overrun");
+            self.line_full = count(match self.link {
+                Link::Telem1 => "mav_outgoing_full",
+                Link::Telem2 => "mav2_outgoing_full",
+                Link::Usb => "usb_outgoing_full",
+            });
+            let overruns = ["gps_overrun", "mav_overrun", "mav2_overrun"].map(count);
+            self.overruns = overruns.iter().sum();
             self.lost_ticks.1 = count("lost_ticks");
             if now.0 <= self.begins {
                 self.lost_ticks.0 = self.lost_ticks.1;
@@ -239,7 +255,8 @@ impl Running {
     /// The record of a test that began at `test_utc_ns`; with the board's own log, if that is
     /// complete.
     fn end(mut self, test_utc_ns: i64, is_complete: bool) -> Record {
-        let utc_ns = |sent_ns| test_utc_ns + sent_ns + FIRST_BYTE_NS;
+        let constant_ns = self.link.constant_ns();
+        let utc_ns = |sent_ns| test_utc_ns + sent_ns + constant_ns;
         let mut record = Record {
             line_full: Some(self.line_full),
             lost_ticks: Some(self.lost_ticks.1.wrapping_sub(self.lost_ticks.0)),

@@ -7,10 +7,10 @@
 //! The first PING follows after `--settle`, the same for all methods. Each board has a
 //! thread and runs alone, since nothing that it sends changes what the others receive; it
 //! is run in steps of a second, so that Ctrl-C takes effect soon. UTC is the world's time
-//! at the end of a PING's first byte. As in the paper, a message ends the test on the
+//! at the end of a PING's first byte, and by USB at its leaving. As in the paper, a message ends the test on the
 //! boards, and each writes its log to the card in its slot.
 //!
-//! *Limits.* Crystals do not wander. The laptop's line takes what the board's own
+//! *Limits.* By USB all boards are at one controller, whose frames of 1 ms they share. Crystals do not wander. The laptop's line takes what the board's own
 //! 115200 baud take: a PING that is due while the one before still leaves, waits.
 
 #![warn(clippy::print_stderr, clippy::print_stdout)]

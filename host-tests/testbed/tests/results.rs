@@ -10,8 +10,8 @@ use mavlink_node::Address;
 use mavlink_node::client::Message;
 use tempfile::TempDir;
 use testbed::{
-    Case, Conversation, Experiment, Folder, Method, OwnLog, Place, Receivers, Record, Run, bounds,
-    summary,
+    Case, Conversation, Experiment, Folder, Link, Method, OwnLog, Place, Receivers, Record, Run,
+    bounds, summary,
 };
 
 const UTC_US: i64 = 1_795_320_000_000_000;
@@ -234,6 +234,75 @@ fn each_bound_holds_or_breaks_by_what_was_measured() {
     let broken: Vec<_> = bounds.iter().filter(|bound| !bound.holds).collect();
     assert_eq!(broken.len(), 1);
     assert_eq!(broken[0].text, "every PING is answered");
+}
+
+/// pixclock by TELEM1, stamped at a PING's first byte, and by USB, stamped so long after it left.
+fn by_usb(late_us: i64) -> Experiment {
+    let mut experiment = experiment(good);
+    experiment
+        .runs
+        .retain(|run| run.case.method == Method::Pixclock);
+    experiment.runs.truncate(1);
+    let telem1 = experiment.runs[0].clone();
+    experiment.runs.push(Run {
+        case: Case {
+            link: Link::Usb,
+            ..telem1.case
+        },
+        records: ["board 1", "board 2"]
+            .map(|name| record(name, |_| late_us - 40_000))
+            .into(),
+        ..telem1
+    });
+    experiment.runs[0].records = ["board 1", "board 2"]
+        .map(|name| record(name, |_| -40_000))
+        .into();
+    experiment
+}
+
+#[test]
+fn by_usb_a_stamp_may_be_later_than_by_telem1_by_one_frame_and_no_more() {
+    let holds = |late_us: i64| {
+        let bounds = bounds::judge(&by_usb(late_us));
+        let mut of_usb = bounds
+            .iter()
+            .filter(|bound| bound.text.starts_with("by USB"));
+        of_usb.next().expect("it is judged").holds
+    };
+    // By TELEM1 it is the ten bits of a byte, 86.905 µs, after the PING left.
+    assert!(holds(0) && holds(500) && holds(1_086));
+    assert!(!holds(1_087) && !holds(-1));
+    let summary = summary(&by_usb(500));
+    assert_eq!(summary["methods"][1]["link"], "usb");
+    assert_eq!(
+        summary["methods"][1]["stamp_less_telem1"]["greatest_ns"],
+        413_095
+    );
+    assert_eq!(summary["methods"][0]["arrival_unknown_ns"], 0);
+    assert_eq!(summary["methods"][1]["arrival_unknown_ns"], 1_000_000);
+}
+
+#[test]
+fn the_report_shows_the_frame_on_virtual_boards_and_its_uncertainty_on_real_ones() {
+    let mut experiment = by_usb(500);
+    let page = |experiment: &Experiment| {
+        String::from_utf8(written(experiment)["report.html"].clone()).unwrap()
+    };
+    let virtual_boards = page(&experiment);
+    assert!(virtual_boards.contains("From sending to the stamp"));
+    assert!(virtual_boards.contains("less TELEM1") && virtual_boards.contains("+413 µs"));
+    experiment.place = Place::Lines;
+    experiment.runs.remove(0);
+    let real_ones = page(&experiment);
+    // Of 300 pairs: 1.96 · 0.408 ms / √300.
+    for word in [
+        "the next frame, up to 1.00 ms",
+        "known to ±1.00 ms",
+        "of 300 to ±46.2 µs",
+    ] {
+        assert!(real_ones.contains(word), "{word}");
+        assert!(testbed::text(&experiment).contains(word), "{word}");
+    }
 }
 
 #[test]

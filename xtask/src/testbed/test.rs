@@ -142,9 +142,10 @@ pub fn check_systems(ready: &[Ready]) -> Result<()> {
             .find(|other| other.identity.address.system == system)
         {
             bail!(
-                "{} and {} are both system {system}: if they are two boards, build one of them \
-                 with PIXCLOCK_SYSTEM_ID={}",
+                "{} and {} are both system {system}: if they are two boards, give one of them another \
+                 number (`cargo xtask upload {} --system-id {}`)",
                 one.board.name,
+                other.board.name,
                 other.board.name,
                 system % 254 + 1
             );

@@ -321,6 +321,46 @@ fn boards_that_cannot_be_tested_together_are_refused_in_a_sentence() {
 }
 
 #[test]
+fn a_link_that_is_not_there_is_wrong_usage() {
+    let (_kept, out) = folder();
+    let two = boards(&behaviours());
+    for (boards, options, sentence) in [
+        (
+            &["qemu".to_owned()][..],
+            &["--link", "usb"][..],
+            "QEMU has no USB",
+        ),
+        (&two, &["--link", "telem1,usb"], "by one link"),
+        (
+            &two,
+            &["--link", "usb", "--one-line"],
+            "a serial line to all boards",
+        ),
+    ] {
+        let output = testbed(boards, 1, &out, options);
+        assert_eq!(output.status.code(), Some(2));
+        assert!(
+            output_of(&output).contains(sentence),
+            "{}",
+            output_of(&output)
+        );
+    }
+}
+
+#[test]
+fn real_boards_by_usb_have_its_frame_in_their_statement_of_uncertainty() {
+    let (_kept, out) = folder();
+    let output = testbed(&boards(&behaviours()), 2, &out, &["--link", "usb"]);
+    assert_eq!(output.status.code(), Some(0), "{}", output_of(&output));
+    assert_eq!(
+        summary(&output)["methods"][0]["arrival_unknown_ns"],
+        1_000_000
+    );
+    let report = std::fs::read_to_string(out.join("report.html")).expect("a report");
+    assert!(report.contains("a difference is known to ±1.00 ms"));
+}
+
+#[test]
 fn an_address_without_a_board_is_reported() {
     let (_kept, out) = folder();
     let deaf = TcpListener::bind("127.0.0.1:0").expect("a port");

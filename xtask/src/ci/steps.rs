@@ -253,6 +253,17 @@ fn figures() -> Vec<Step> {
         loaded = loaded.arg(option);
     }
     steps.push(loaded);
+    let by_usb = [
+        "testbed",
+        "--check",
+        "--link",
+        "usb",
+        "--method",
+        "pixclock-pps",
+    ];
+    let by_usb = Step::xtask("the paper's experiment by USB", &by_usb);
+    let by_usb = by_usb.arg("--duration").arg("60");
+    steps.push(by_usb.arg("--settle").arg("60"));
     // As many PINGs as no board may lose one of, and more than the line carries.
     for rate in ["100", "1000"] {
         let test = [

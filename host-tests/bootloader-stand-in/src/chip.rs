@@ -8,6 +8,8 @@ use cortex_m::asm;
 use cortex_m::peripheral::{NVIC, SCB};
 use stm32f4xx_hal::pac::{self, Interrupt};
 
+use crate::usb::Usb;
+
 /// In the RTC's first backup register: stay.
 const STAY: u32 = 0xB007_B007;
 /// How long an upload is waited for while USB is plugged.
@@ -80,7 +82,20 @@ fn take_request(chip: &pac::Peripherals) -> bool {
     is_asked
 }
 
-struct Pixhawk(pac::Peripherals);
+/// The interrupts that end a wait.
+const WAKING: [Interrupt; 4] = [
+    Interrupt::USART2,
+    Interrupt::TIM2,
+    Interrupt::FLASH,
+    Interrupt::OTG_FS,
+];
+
+struct Pixhawk {
+    chip: pac::Peripherals,
+    usb: Usb,
+    /// The last byte came over USB.
+    is_on_usb: bool,
+}
 
 impl Pixhawk {
     fn start(chip: pac::Peripherals) -> Self {
@@ -115,21 +130,35 @@ impl Pixhawk {
         chip.TIM2.psc().write(|w| w.psc().set(15));
         chip.TIM2.arr().write(|w| w.arr().set(999));
         chip.TIM2.dier().write(|w| w.uie().enabled());
-        for interrupt in [Interrupt::USART2, Interrupt::TIM2, Interrupt::FLASH] {
+        // PA11 and PA12 are OTG_FS's in alternate function 10.
+        chip.GPIOA
+            .afrh()
+            .modify(|_, w| w.afrh11().af10().afrh12().af10());
+        chip.GPIOA
+            .moder()
+            .modify(|_, w| w.moder11().alternate().moder12().alternate());
+        chip.RCC.ahb2enr().modify(|_, w| w.otgfsen().enabled());
+        let Some(usb) = Usb::start() else { asm::udf() };
+        for interrupt in WAKING {
             // SAFETY: PRIMASK is set, so no handler runs.
             unsafe { NVIC::unmask(interrupt) };
         }
-        Self(chip)
+        Self {
+            chip,
+            usb,
+            is_on_usb: false,
+        }
     }
 
-    /// Whether USB's supply is there: PA9.
+    /// Whether USB's supply is there: at PA9, or as OTG_FS senses it.
     fn is_plugged(&self) -> bool {
-        self.0.GPIOA.idr().read().idr9().is_high()
+        let is_sensed = self.chip.OTG_FS_GLOBAL.gotgctl().read().bsvld().bit();
+        is_sensed || self.chip.GPIOA.idr().read().idr9().is_high()
     }
 
     /// Counts ms from now on.
     fn begin_ms(&self) {
-        let timer = &self.0.TIM2;
+        let timer = &self.chip.TIM2;
         timer.cr1().reset();
         timer.cnt().reset();
         timer.egr().write(|w| w.ug().update());
@@ -140,9 +169,9 @@ impl Pixhawk {
 
     /// Whether a ms has passed since the last one that was taken.
     fn take_ms(&self) -> bool {
-        let has_passed = self.0.TIM2.sr().read().uif().is_update_pending();
+        let has_passed = self.chip.TIM2.sr().read().uif().is_update_pending();
         if has_passed {
-            self.0.TIM2.sr().reset();
+            self.chip.TIM2.sr().reset();
             NVIC::unpend(Interrupt::TIM2);
         }
         has_passed
@@ -158,16 +187,18 @@ impl Pixhawk {
     }
 
     fn erase_sector(&self, number: u8) {
-        let flash = &self.0.FLASH;
+        let flash = &self.chip.FLASH;
         self.unlock();
         flash.cr().modify(|_, w| {
             // SAFETY: a sector of this chip, behind the bootloader's.
             unsafe { w.snb().bits(number) };
             w.ser().set_bit().psize().psize32().eopie().set_bit()
         });
-        // A ms that has passed would end each wait at once, and the erase would be one of looks alone.
-        self.0.TIM2.cr1().reset();
-        self.0.TIM2.sr().reset();
+        // A ms that has passed, or a host that asks, would end each wait at once, and the erase would be one of looks
+        // alone.
+        NVIC::mask(Interrupt::OTG_FS);
+        self.chip.TIM2.cr1().reset();
+        self.chip.TIM2.sr().reset();
         NVIC::unpend(Interrupt::TIM2);
         flash.cr().modify(|_, w| w.strt().set_bit());
         while flash.sr().read().bsy().bit() {
@@ -176,22 +207,24 @@ impl Pixhawk {
         // Each flag is cleared by a 1.
         flash.sr().write(|w| w.eop().clear_bit_by_one());
         NVIC::unpend(Interrupt::FLASH);
+        // SAFETY: PRIMASK is set, so no handler runs.
+        unsafe { NVIC::unmask(Interrupt::OTG_FS) };
         flash.cr().write(|w| w.lock().set_bit());
     }
 
     fn unlock(&self) {
-        if self.0.FLASH.cr().read().lock().bit() {
+        if self.chip.FLASH.cr().read().lock().bit() {
             for key in [0x4567_0123, 0xCDEF_89AB] {
                 // SAFETY: the two keys (RM0090, 3.6.1).
-                self.0.FLASH.keyr().write(|w| unsafe { w.bits(key) });
+                self.chip.FLASH.keyr().write(|w| unsafe { w.bits(key) });
             }
         }
     }
 
     /// Starts the application in a chip that is as after a reset.
     fn leave(self) -> ! {
-        let Self(chip) = self;
-        for interrupt in [Interrupt::USART2, Interrupt::TIM2, Interrupt::FLASH] {
+        let Self { chip, .. } = self;
+        for interrupt in WAKING {
             NVIC::mask(interrupt);
             NVIC::unpend(interrupt);
         }
@@ -203,6 +236,9 @@ impl Pixhawk {
             .ahb1rstr()
             .write(|w| w.gpioarst().reset().gpiodrst().reset());
         chip.RCC.ahb1rstr().reset();
+        chip.RCC.ahb2rstr().write(|w| w.otgfsrst().reset());
+        chip.RCC.ahb2rstr().reset();
+        chip.RCC.ahb2enr().reset();
         chip.RCC.apb1enr().reset();
         chip.RCC.ahb1enr().reset();
         // SAFETY: the application has been found to have vectors; interrupts are as after a reset.
@@ -228,10 +264,17 @@ impl Board for Pixhawk {
         let mut left_ms = within_ms;
         self.begin_ms();
         loop {
-            if self.0.USART2.sr().read().rxne().bit() {
-                let byte = self.0.USART2.dr().read().dr().bits();
+            if self.chip.USART2.sr().read().rxne().bit() {
+                let byte = self.chip.USART2.dr().read().dr().bits();
                 NVIC::unpend(Interrupt::USART2);
+                self.is_on_usb = false;
                 return Ok(Some(byte as u8));
+            }
+            self.usb.poll();
+            NVIC::unpend(Interrupt::OTG_FS);
+            if let Some(byte) = self.usb.receive() {
+                self.is_on_usb = true;
+                return Ok(Some(byte));
             }
             if self.take_ms()
                 && let Some(left) = &mut left_ms
@@ -247,8 +290,17 @@ impl Board for Pixhawk {
     }
 
     fn send(&mut self, byte: u8) -> Result<(), Infallible> {
-        while !self.0.USART2.sr().read().txe().bit() {}
-        self.0.USART2.dr().write(|w| w.dr().set(byte.into()));
+        if self.is_on_usb {
+            // A host that does not read loses answers.
+            self.begin_ms();
+            while !self.usb.send(byte) && !self.take_ms() {
+                self.usb.poll();
+            }
+            self.usb.poll();
+            return Ok(());
+        }
+        while !self.chip.USART2.sr().read().txe().bit() {}
+        self.chip.USART2.dr().write(|w| w.dr().set(byte.into()));
         Ok(())
     }
 
@@ -269,7 +321,7 @@ impl Board for Pixhawk {
     }
 
     fn program(&mut self, offset: u32, word: u32) {
-        let flash = &self.0.FLASH;
+        let flash = &self.chip.FLASH;
         self.unlock();
         flash.cr().modify(|_, w| w.pg().set_bit().psize().psize32());
         let address = (APPLICATION + offset) as usize;
@@ -300,6 +352,6 @@ impl Board for Pixhawk {
     }
 
     fn chip(&self) -> u32 {
-        self.0.DBGMCU.idcode().read().bits()
+        self.chip.DBGMCU.idcode().read().bits()
     }
 }

@@ -1,4 +1,4 @@
-//! Firmware goes on through the bootloader, over TELEM1, and never half of it is booted.
+//! Firmware goes on through the bootloader, over TELEM1 or USB, and never half of it is booted.
 
 mod others;
 mod station;
@@ -14,7 +14,7 @@ use crate::common::{BAUD, BYTE_NS, MS, SECOND, image};
 use mavlink_node::client::{Client, GROUND_STATION};
 use mavlink_node::{Address, Version};
 use upload::{Device, FLASH_ROOM, Failure, Image, PIXHAWK_1, Px4File};
-use virtual_pixhawk::{Builder, Connector, Firmware, Pixhawk, TcpLine, UploadBootloader};
+use virtual_pixhawk::{Builder, Connector, Firmware, Host, Pixhawk, TcpLine, UploadBootloader};
 use world::{Transmission, WorldNanos};
 
 use others::{GREETING, others};
@@ -153,6 +153,47 @@ fn a_plug_pulled_at_any_byte_never_boots_half_an_image() {
         assert_eq!((outcome, greeting.as_slice()), (Some(Ok(DEVICE)), GREETING));
     }
     assert!(stayed > 18, "{stayed}");
+}
+
+#[test]
+fn over_usb_pixclock_restarts_into_the_bootloader_and_another_image_goes_on() {
+    let Some((firmware, bootloader)) = images() else {
+        return;
+    };
+    let application = firmware.application().unwrap();
+    // With a cable in the bootloader waits for 5 s; then the host finds pixclock.
+    let begins = WorldNanos(7 * SECOND);
+    let station = Station::new(others().image, begins.plus(SECOND), Some(call(begins)));
+    let record = station.record();
+    let mut board = Builder::new(firmware)
+        .upload_bootloader(bootloader, application)
+        .usb(Host::new(station))
+        .power_on()
+        .expect("the board has power");
+    board.run_to(WorldNanos(4_900 * MS)).unwrap();
+    assert!(board.take_log().unwrap().is_empty(), "it has not waited");
+    board.run_to(begins).unwrap();
+    assert!(!board.take_log().unwrap().is_empty());
+    let products = |board: &mut Pixhawk| -> Vec<[u8; 4]> {
+        let transfers = board.with_usb(Host::take_transfers).unwrap();
+        let devices = transfers
+            .iter()
+            .filter(|transfer| transfer.setup[..4] == [0x80, 6, 0, 1]);
+        let data = devices.filter_map(|transfer| transfer.data.as_ref());
+        data.filter_map(|data| data.get(8..12)?.try_into().ok())
+            .collect()
+    };
+    let before = products(&mut board);
+    let (outcome, greeting) = finish(&mut board, &record);
+    assert_eq!((outcome, greeting.as_slice()), (Some(Ok(DEVICE)), GREETING));
+    // The bootloader, pixclock, and the bootloader again.
+    const BOOTLOADER: [u8; 4] = [0xAC, 0x26, 0x11, 0x00];
+    const PIXCLOCK: [u8; 4] = [0x09, 0x12, 0x01, 0x00];
+    assert_eq!(
+        (before.first(), before.last()),
+        (Some(&BOOTLOADER), Some(&PIXCLOCK))
+    );
+    assert_eq!(products(&mut board).last(), Some(&BOOTLOADER));
 }
 
 #[test]

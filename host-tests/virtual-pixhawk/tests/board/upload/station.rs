@@ -1,4 +1,4 @@
-//! A host on TELEM1 that uploads, in the time of the virtual board.
+//! A host on TELEM1 or USB that uploads, in the time of the virtual board.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -15,7 +15,7 @@ pub(super) struct Record {
     pub(super) outcome: Option<Result<Device, Failure>>,
 }
 
-/// A host on TELEM1 that uploads.
+/// A host that uploads.
 pub(super) struct Station {
     /// What it sends before: that the firmware is to restart.
     call: Option<Transmission>,

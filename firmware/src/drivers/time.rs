@@ -46,6 +46,7 @@ pub const TICK_PERIOD: u32 = CORE_HZ / 1_000_000 * VARIANT.tick_us();
 /// The counters, SysTick and TIM5.
 struct Registers;
 
+#[used] // Keeps them together: one address for all, where a tick and a reading take several.
 static WORDS: [AtomicU32; 4] = [const { AtomicU32::new(0) }; 4];
 static ALARM: AtomicU32 = AtomicU32::new(0);
 static STARTED: AtomicBool = AtomicBool::new(false);

@@ -32,7 +32,7 @@ use mavlink::dialects::common::{
 };
 use node_values::{Name, NodeTime, Parameter, Parameters, Severity};
 use sample_log::Test;
-use timebase::{CORE_HZ, Cycles, StampedByte};
+use timebase::{CORE_HZ, Cycles, Stamp, StampedByte};
 
 use crate::command::{Command, Order, Refusal};
 use crate::frame::{Address, Frame, Sender, Version};
@@ -198,12 +198,39 @@ impl Node {
     /// come while a queue is emptied, for which `now` was read once). A request is to be answered
     /// with [`Self::answer`], or dropped where there is no room for an answer. After each call
     /// [`Self::poll`] may have something to send.
-    #[inline]
+    #[inline(always)]
     pub fn push(&mut self, byte: StampedByte, now: Cycles) -> Option<Request> {
         match self.framer.push(byte) {
             0 => None,
             length => self.request(length, now),
         }
+    }
+
+    /// Takes bytes as [`Self::push`] does, up to the one that ends a request, and leaves the rest of them in
+    /// `bytes`.
+    #[inline(never)] // A loop of its own, built for speed whatever its caller is built for.
+    pub fn push_bytes(&mut self, bytes: &mut &[StampedByte], now: Cycles) -> Option<Request> {
+        while let Some((&byte, rest)) = bytes.split_first() {
+            *bytes = rest;
+            let request = self.push(byte, now);
+            if request.is_some() {
+                return request;
+            }
+        }
+        None
+    }
+
+    /// Takes bytes with one stamp as [`Self::push_bytes`] does.
+    #[inline(never)]
+    pub fn push_packet(&mut self, bytes: &mut &[u8], stamp: Stamp, now: Cycles) -> Option<Request> {
+        while let Some((&byte, rest)) = bytes.split_first() {
+            *bytes = rest;
+            let request = self.push(StampedByte { stamp, byte }, now);
+            if request.is_some() {
+                return request;
+            }
+        }
+        None
     }
 
     #[inline(never)]

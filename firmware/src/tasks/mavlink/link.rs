@@ -8,7 +8,6 @@ use core::task::{Context, Poll};
 
 use mavlink_node::{Config, Node, PingReply};
 use sample_log::BeginGuard;
-use timebase::StampedByte;
 
 use super::lookup::ThisBoard;
 use super::outgoing::Outgoing;
@@ -90,7 +89,10 @@ impl Link {
             Port::Serial((reader, _)) => reader.poll_wait(context),
             Port::Usb(port) => {
                 while let Some(packet) = port.poll_packet(context) {
-                    *has_new_log |= push(node, packet.bytes(), port.outgoing(), guard);
+                    let (mut bytes, now) = (packet.bytes(), time::now());
+                    while let Some(request) = node.push_packet(&mut bytes, packet.came(), now) {
+                        *has_new_log |= requests::serve(node, port.outgoing(), guard, &request);
+                    }
                     port.served(&packet);
                 }
                 go_on(node, port.outgoing());
@@ -113,8 +115,11 @@ impl Link {
     pub fn serve(&mut self) -> bool {
         if let Port::Serial((reader, writer)) = &mut self.port {
             let (node, guard) = (&mut self.node, &mut self.guard);
-            reader.take(|bytes| {
-                self.has_new_log |= push(node, bytes.iter().copied(), writer, guard);
+            let now = time::now();
+            reader.take(|mut bytes| {
+                while let Some(request) = node.push_bytes(&mut bytes, now) {
+                    self.has_new_log |= requests::serve(node, writer, guard, &request);
+                }
             });
             go_on(node, writer);
         }
@@ -136,24 +141,6 @@ impl Link {
             },
         }
     }
-}
-
-/// Serves the requests among `bytes`; whether the log is another one now.
-#[inline(always)]
-fn push(
-    node: &mut Node,
-    bytes: impl Iterator<Item = StampedByte>,
-    out: &mut dyn Outgoing,
-    guard: &mut BeginGuard,
-) -> bool {
-    let now = time::now();
-    let mut is_new_log = false;
-    for byte in bytes {
-        if let Some(request) = node.push(byte, now) {
-            is_new_log |= requests::serve(node, out, guard, &request);
-        }
-    }
-    is_new_log
 }
 
 /// Sends on what takes many frames, while there is room for the answers to what comes in meanwhile.

@@ -60,7 +60,7 @@ fn it_boots_and_reports_once_a_second() {
 
 /// Bits of registers of the part that the image has to set, whatever it finds: the address, the bits,
 /// their value, and what it is.
-const REGISTERS: [(u64, u32, u32, &str); 12] = [
+const REGISTERS: [(u64, u32, u32, &str); 15] = [
     (0x4000_7000, 0b11 << 14, 0b11 << 14, "PWR_CR.VOS: scale 1"),
     (0x4002_388C, 1 << 24, 0, "RCC_DCKCFGR.TIMPRE"),
     (0x4002_3804, 0x0F43_7FFF, 0x0740_2A0C, "RCC_PLLCFGR"),
@@ -69,8 +69,16 @@ const REGISTERS: [(u64, u32, u32, &str); 12] = [
     (0x4002_3C00, 0xF, 5, "FLASH_ACR.LATENCY"),
     (0x4002_000C, 0b11 << 2, 0b01 << 2, "GPIOA_PUPDR: PA1 up"),
     (0x4002_0C0C, 0b11 << 12, 0b01 << 12, "GPIOD_PUPDR: PD6 up"),
+    (0x4002_0C0C, 0b11 << 18, 0b01 << 18, "GPIOD_PUPDR: PD9 up"),
     (0x4002_0C00, 0b11 << 8, 0b01 << 8, "GPIOD_MODER: PD4, RTS"),
     (0x4002_0C14, 1 << 4, 0, "GPIOD_ODR: PD4 low"),
+    (
+        0x4002_0C00,
+        0b11 << 24,
+        0b01 << 24,
+        "GPIOD_MODER: PD12, RTS",
+    ),
+    (0x4002_0C14, 1 << 12, 0, "GPIOD_ODR: PD12 low"),
     (0x4002_0014, 1 << 8, 0, "GPIOA_ODR: PA8 low"),
     (0xE004_2008, 0x100C, 0x100C, "DBGMCU_APB1_FZ"),
 ];
@@ -92,30 +100,35 @@ fn clocks_pins_and_freeze_bits_are_its_own_behind_every_bootloader() {
 }
 
 #[test]
-fn the_radio_may_send_when_it_has_started() {
+fn the_radios_may_send_when_they_have_started() {
     const GPIOD: u64 = 0x4002_0C00;
+    const READY: [u32; 2] = [4, 12];
     let Some(firmware) = image() else { return };
     let mut board = Builder::new(firmware).power_on().unwrap();
-    let mut levels = Vec::new();
+    let mut levels = READY.map(|_| Vec::new());
     for ms in (5..400).step_by(5) {
         board.run_to(WorldNanos(ms * MS)).unwrap();
-        let mode = board.peek(GPIOD).unwrap() >> 8 & 0b11;
-        let pull = board.peek(GPIOD + 0x0C).unwrap() >> 8 & 0b11;
-        let out = board.peek(GPIOD + 0x14).unwrap() >> 4 & 1;
-        levels.push((ms, (mode, pull, out)));
+        for (pin, levels) in READY.into_iter().zip(&mut levels) {
+            let mode = board.peek(GPIOD).unwrap() >> (2 * pin) & 0b11;
+            let pull = board.peek(GPIOD + 0x0C).unwrap() >> (2 * pin) & 0b11;
+            let out = board.peek(GPIOD + 0x14).unwrap() >> pin & 1;
+            levels.push((ms, (mode, pull, out)));
+        }
     }
-    let (pulled, driven): (Vec<_>, Vec<_>) =
-        levels.into_iter().partition(|(_, (mode, ..))| *mode == 0);
-    // An input with a pull-up, then an output that is low.
-    assert!(pulled.iter().all(|(_, (_, pull, _))| *pull == 0b01));
-    assert!(
-        driven
-            .iter()
-            .all(|(_, (mode, _, out))| (*mode, *out) == (1, 0))
-    );
-    let (at_ms, _) = driven[0];
-    assert!((200..=215).contains(&at_ms), "{at_ms} ms");
-    assert!(pulled.iter().all(|(ms, _)| *ms < at_ms));
+    for (pin, levels) in READY.into_iter().zip(levels) {
+        let (pulled, driven): (Vec<_>, Vec<_>) =
+            levels.into_iter().partition(|(_, (mode, ..))| *mode == 0);
+        // An input with a pull-up, then an output that is low.
+        assert!(pulled.iter().all(|(_, (_, pull, _))| *pull == 0b01));
+        assert!(
+            driven
+                .iter()
+                .all(|(_, (mode, _, out))| (*mode, *out) == (1, 0))
+        );
+        let (at_ms, _) = driven[0];
+        assert!((200..=215).contains(&at_ms), "PD{pin}: {at_ms} ms");
+        assert!(pulled.iter().all(|(ms, _)| *ms < at_ms), "PD{pin}");
+    }
 }
 
 #[test]

@@ -49,4 +49,6 @@ mod upload;
 #[cfg(test)]
 mod usb;
 #[cfg(test)]
+mod usb_troubles;
+#[cfg(test)]
 mod visible;

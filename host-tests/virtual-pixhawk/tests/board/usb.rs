@@ -1,13 +1,29 @@
 //! The board's USB, with a host that enumerates it as Linux does.
 
-use mavlink_node::Version;
-use virtual_pixhawk::{Builder, ControlTransfer, Firmware, Gaps, Host, Pixhawk, Script};
+use std::collections::BTreeMap;
+
+use mavlink_node::client::{Client, Message};
+use mavlink_node::{Address, Test, Version};
+use sample_log::csv;
+use virtual_pixhawk::{Builder, Card, ControlTransfer, Firmware, Gaps, Host, Pixhawk, Script};
 use world::{Receiver, Transmission, WorldNanos};
 
-use crate::common::{MS, SECOND, image, ping_answers, pings, receiver_settings};
+use crate::common::{BAUD, MS, SECOND, image, messages, ping_answers, pings, receiver_settings};
 
 /// When the host has set the port up.
 const OPEN_AT: WorldNanos = WorldNanos(SECOND);
+
+/// The board, and who asks it.
+const BOARD: Address = Address {
+    system: 1,
+    component: 1,
+};
+const GROUND: Address = Address {
+    system: 255,
+    component: 190,
+};
+/// Samples that the board has room for.
+const CAPACITY: u64 = 8_192;
 
 /// A board with a host whose program sends `requests`.
 fn board(firmware: &Firmware, requests: impl IntoIterator<Item = Transmission>) -> Pixhawk {
@@ -82,4 +98,86 @@ fn of_100_pings_a_second_each_has_its_answer() {
         .map(|&(seq, _)| seq)
         .collect();
     assert_eq!(answered, (0..1_000).collect::<Vec<_>>());
+}
+
+#[test]
+fn the_whole_log_comes_three_times_and_is_the_cards_file() {
+    let Some(firmware) = image() else { return };
+    // The clock is set before the first of them.
+    let first = 3 * SECOND;
+    let at = (0..CAPACITY).map(|n| WorldNanos(first + n * MS));
+    let mut requests = pings(Version::V2, at);
+    let mut client = Client::new(GROUND, Version::V2);
+    let end = first + CAPACITY * MS + 100 * MS;
+    let mut ask = |at, bytes: mavlink_node::Frame| {
+        requests.push(Transmission {
+            start: WorldNanos(at),
+            bytes: bytes.to_vec(),
+            baud: BAUD,
+        });
+    };
+    ask(end, client.test(BOARD, Test::Ends));
+    // The card has the file 3 s later at the latest.
+    let asked = [3, 9, 15].map(|later| end + later * SECOND);
+    for at in asked {
+        ask(at, client.log_data(BOARD, 0, u32::MAX));
+    }
+    let card = Card::holding(&fat_image::formatted(fat_image::Kind::Fat16));
+    let mut board = Builder::new(firmware)
+        .gps(Receiver::new(receiver_settings()))
+        .usb(Host::new(Script::new(requests)))
+        .card(card)
+        .power_on()
+        .unwrap();
+    board.run_to(WorldNanos(asked[0])).unwrap();
+    let received = board.with_usb(Host::take_received).unwrap();
+    assert_eq!(ping_answers(&received).len(), CAPACITY as usize);
+    let card = board.swap_card(None).unwrap().expect("it is in the slot");
+    let file = fat_image::files(&card.image()).remove("TEST0001.CSV");
+    let file = file.expect("the file is there").contents;
+    assert_eq!(file.len(), (CAPACITY as usize + 1) * csv::LINE);
+    for at in asked {
+        board.run_to(WorldNanos(at + 5_900 * MS)).unwrap();
+        let received = board.with_usb(Host::take_received).unwrap();
+        let messages = messages(&received);
+        let last = messages
+            .iter()
+            .rfind(|(_, what)| matches!(what, Message::LogData { .. }));
+        let (last, _) = last.expect("the log");
+        let pieces: BTreeMap<u32, Vec<u8>> = messages
+            .iter()
+            .filter_map(|(_, what)| match what {
+                Message::LogData {
+                    offset,
+                    data,
+                    count,
+                    ..
+                } => Some((*offset, data[..usize::from(*count)].to_vec())),
+                _ => None,
+            })
+            .collect();
+        println!("{} bytes in {} ms", file.len(), (last.0 - at) / MS);
+        let whole: Vec<u8> = pieces.into_values().flatten().collect();
+        assert!(whole == file, "{} bytes of {}", whole.len(), file.len());
+    }
+}
+
+#[test]
+fn a_closed_port_is_sent_nothing_and_an_opened_one_is() {
+    let Some(firmware) = image() else { return };
+    let mut board = board(&firmware, []);
+    board.run_to(OPEN_AT).unwrap();
+    board.with_usb(|host| host.open(false)).unwrap();
+    board.run_for(100 * MS).unwrap();
+    board.with_usb(Host::take_received).unwrap();
+    board.run_for(5 * SECOND).unwrap();
+    board.with_usb(|host| host.open(true)).unwrap();
+    board.run_for(1_200 * MS).unwrap();
+    let received = board.with_usb(Host::take_received).unwrap();
+    // Not those of the five seconds before.
+    let heartbeats = messages(&received)
+        .iter()
+        .filter(|(_, what)| *what == Message::Heartbeat)
+        .count();
+    assert!((1..=2).contains(&heartbeats), "{heartbeats}");
 }

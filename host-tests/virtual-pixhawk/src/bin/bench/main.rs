@@ -19,6 +19,7 @@ mod board;
 mod jobs;
 mod noise;
 mod table;
+mod usb;
 mod waits;
 
 use std::path::PathBuf;
@@ -72,6 +73,11 @@ fn main() -> anyhow::Result<ExitCode> {
         "crate mavlink 1550, C library 70",
     );
     rows.push(mavlink.for_now(102.0));
+    rows.extend(usb::bytes(&subject)?);
+    let usb_noise = noise::costs(&subject, Line::Usb, 0)?;
+    // The budgets of a byte over USB and of a search.
+    let usb = noise::worst("any byte over USB, all in all", &usb_noise, 109.0, "");
+    rows.push(usb);
     rows.push(jobs::load(&subject)?);
     let (waits, sections) = waits::all(&subject)?;
     rows.extend(waits);

@@ -5,6 +5,7 @@ use world::{Transmission, WorldNanos};
 
 use crate::board::{BAUD, MS, SECOND, Subject, executed};
 use crate::table::{NoiseCosts, Row};
+use crate::usb;
 
 /// The line on which noise comes in.
 #[derive(Clone, Copy)]
@@ -13,16 +14,18 @@ pub enum Line {
     Gps,
     /// The client's.
     Mavlink,
+    /// The client's by USB.
+    Usb,
 }
 
-/// The cost of a byte beyond its interrupt, for each kind of noise: everything that the
+/// The cost of a byte beyond the `byte` instructions of its interrupt, for each kind of noise: everything that the
 /// board does more than in silence, over 1 000 bytes at full rate.
 pub fn costs(subject: &Subject, line: Line, byte: u64) -> anyhow::Result<NoiseCosts> {
     const BYTES: usize = 1_000;
     let begin = match line {
         // The board looks for its receiver at this rate first, from its start on.
         Line::Gps => 300 * MS,
-        Line::Mavlink => 2 * SECOND,
+        Line::Mavlink | Line::Usb => 2 * SECOND,
     };
     let start = WorldNanos(begin + 10 * MS);
     // 1 000 bytes last 87 ms; after the silence, the framer gives up what it held back.
@@ -36,11 +39,12 @@ pub fn costs(subject: &Subject, line: Line, byte: u64) -> anyhow::Result<NoiseCo
         match line {
             Line::Gps => executed(subject, script, Script::default(), window),
             Line::Mavlink => executed(subject, Script::default(), script, window),
+            Line::Usb => usb::executed(subject, script, window),
         }
     };
     let kinds = match line {
         Line::Gps => GPS_NOISE,
-        Line::Mavlink => MAVLINK_NOISE,
+        Line::Mavlink | Line::Usb => MAVLINK_NOISE,
     };
     let silence = run(Vec::new())?;
     let repeated = kinds

@@ -74,6 +74,11 @@ pub fn run(paces: &[String], arguments: &[String]) -> Result<()> {
         ..Build::standard(Board::Pixhawk1)
     })?;
     tests.env("PIXCLOCK_IMAGE_TELEM1_57600BD", for_radio);
+    let stanag = image::build(Build {
+        stanag: true,
+        ..Build::standard(Board::Pixhawk1)
+    })?;
+    tests.env("PIXCLOCK_IMAGE_STANAG", stanag);
     tests.env("PIXCLOCK_BOOTLOADER", image::build_bootloader()?);
     tests.env("PIXCLOCK_XTASK", std::env::current_exe()?);
     match venv::with("uploader-venv", "autopilot_tools", &[&UPLOADER]) {

@@ -29,6 +29,8 @@ mod clock_events;
 #[cfg(target_os = "none")]
 mod clock_news;
 #[cfg(target_os = "none")]
+mod devices;
+#[cfg(target_os = "none")]
 mod drivers;
 #[cfg(target_os = "none")]
 mod executors;

@@ -307,7 +307,10 @@ impl Parameters for Held<'_> {
             Parameter::LogLen => self.log.len() as f32,
             Parameter::LogMissed => self.log.missed() as f32,
             Parameter::Fault => 0.0,
-            built_in => self.parameters[usize::from(built_in.index())],
+            other => {
+                let built_in = self.parameters.get(usize::from(other.index()));
+                built_in.copied().unwrap_or(0.0)
+            }
         }
     }
 }

@@ -26,11 +26,18 @@ fn parameters_are_listed_in_both_versions() {
             "PC_LOG_LEN",
             "PC_LOG_MISSED",
             "PC_FAULT",
+            "PC_GNSS_ID",
+            "PC_GNSS_STATE",
+            "PC_CARD_ID",
+            "PC_CARD_STATE",
+            "PC_USB_ID",
+            "PC_USB_STATE",
+            "PC_CLOCK_PRIME",
         ];
         for ((index, frame), name) in (0_u8..).zip(&frames).zip(names) {
             // f32 value, u16 count, u16 index, 16 bytes of name, REAL32.
             let mut payload = (f32::from(index) + 0.5).to_le_bytes().to_vec();
-            payload.extend([7, 0, index, 0]);
+            payload.extend([14, 0, index, 0]);
             payload.extend(name.as_bytes());
             payload.resize(24, 0);
             payload.push(9);

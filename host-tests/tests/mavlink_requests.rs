@@ -98,8 +98,9 @@ fn asking_twice_costs_nothing() {
         note(&mut node, &client.parameters(US));
         note(&mut node, &client.logs(US));
     }
-    // Seven parameters, and that there is no log.
-    assert_eq!(polled(&mut node, &Board::of(0)).len(), 8);
+    // All parameters, and that there is no log.
+    let all = Parameter::ALL.len() + 1;
+    assert_eq!(polled(&mut node, &Board::of(0)).len(), all);
 }
 
 #[test]

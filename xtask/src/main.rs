@@ -19,6 +19,7 @@ mod ctrl_c;
 mod curve;
 mod deps;
 mod device_id;
+mod devices;
 mod flash;
 mod gateway;
 mod image;
@@ -93,6 +94,8 @@ enum Verb {
     Deps,
     /// What curves between waypoints save, and what a clock is worth on them
     Curve(curve::Options),
+    /// What a running board has: each device with its id and how it is, over MAVLink
+    Devices(devices::Options),
     /// What PX4's device ids mean, and the ids of what has a name
     DeviceId(device_id::Options),
     /// Run the tests of the flashed image on the virtual board
@@ -150,6 +153,7 @@ fn run() -> Result<ExitCode> {
         Verb::Status(options) => done(status::run(&options)),
         Verb::Deps => done(deps::check()),
         Verb::Curve(options) => done(curve::run(&options)),
+        Verb::Devices(options) => done(devices::run(&options)),
         Verb::DeviceId(options) => Ok(device_id::run(&options)),
         Verb::BoardTest { paces, arguments } => done(board_test::run(&paces, &arguments)),
         Verb::Card(options) => card::run(&options),

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, bail};
 use console::Status;
 use mavlink_node::client::{Client, GROUND_STATION, Message, Received};
-use mavlink_node::{Address as System, LOG_DATA_LEN, Version};
+use mavlink_node::{Address as System, LOG_DATA_LEN, Parameter, Version};
 use timebase::{Stamp, StampedByte};
 
 use crate::ctrl_c;
@@ -87,7 +87,7 @@ fn in_columns(status: &Status) -> String {
 }
 
 /// A board on a line.
-struct Board {
+pub struct Board {
     link: Link,
     client: Client,
     system: System,
@@ -95,7 +95,11 @@ struct Board {
 
 impl Board {
     /// The board that sends HEARTBEATs there.
-    fn find(address: &Address) -> Result<Self> {
+    ///
+    /// # Errors
+    ///
+    /// When the line cannot be opened, or none comes.
+    pub fn find(address: &Address) -> Result<Self> {
         let mut board = Self {
             link: Link::open(address)?,
             client: Client::new(GROUND_STATION, Version::V2),
@@ -117,6 +121,16 @@ impl Board {
         bail!(
             "no HEARTBEAT comes from {address}: is the board on, and is the rate of the line right?"
         )
+    }
+
+    /// Asks for a parameter.
+    ///
+    /// # Errors
+    ///
+    /// When the line breaks.
+    pub fn ask_parameter(&mut self, parameter: Parameter) -> Result<()> {
+        let request = self.client.parameter(self.system, parameter);
+        self.link.send(&request)
     }
 
     /// What it says of itself now; `None` if Ctrl-C came before it had.
@@ -159,7 +173,11 @@ impl Board {
     }
 
     /// What has come by now; texts for people are printed.
-    fn receive(&mut self) -> Result<Vec<Received>> {
+    ///
+    /// # Errors
+    ///
+    /// When the line breaks.
+    pub fn receive(&mut self) -> Result<Vec<Received>> {
         let mut buffer = [0; 1_024];
         let bytes = self.link.receive(&mut buffer)?;
         let stamp = Stamp(0);

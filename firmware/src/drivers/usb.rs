@@ -113,6 +113,11 @@ static RECEIVED: AtomicU32 = AtomicU32::new(0);
 /// A reset of the bus, or the end of the cable's supply.
 static BUS: AtomicWaker = AtomicWaker::new();
 
+/// Whether a host has sent something since boot.
+pub fn has_received() -> bool {
+    RECEIVED.load(Relaxed) != 0
+}
+
 /// The pins of the connector.
 pub struct Pins {
     /// D− and D+.

@@ -7,7 +7,7 @@ use crate::device_type::DeviceType;
 use crate::error::NotAnId;
 
 /// The greatest number of a bus.
-const MAX_BUS: u8 = 31;
+pub(crate) const MAX_BUS: u8 = 31;
 
 /// Where the fields above the bus type begin.
 const BUS_AT: u32 = 3;
@@ -33,13 +33,23 @@ impl DeviceId {
         if bus > MAX_BUS {
             return None;
         }
+        Some(Self::of_parts(bus_type, bus, address, device_type))
+    }
+
+    /// The same of a `bus` up to [`MAX_BUS`].
+    pub(crate) const fn of_parts(
+        bus_type: BusType,
+        bus: u8,
+        address: u8,
+        device_type: DeviceType,
+    ) -> Self {
         let [bus, address, device_type] = [bus as u32, address as u32, device_type.0 as u32];
-        Some(Self(
+        Self(
             bus_type.number() as u32
                 | bus << BUS_AT
                 | address << ADDRESS_AT
                 | device_type << DEVICE_TYPE_AT,
-        ))
+        )
     }
 
     /// The id of that number.

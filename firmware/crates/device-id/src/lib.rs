@@ -45,6 +45,7 @@ mod error;
 mod id;
 mod names;
 mod number;
+mod own;
 mod words;
 
 pub use bus_type::BusType;
@@ -52,4 +53,5 @@ pub use device_type::DeviceType;
 pub use error::NotAnId;
 pub use id::DeviceId;
 pub use names::{Kind, Name};
+pub use own::Condition;
 pub use words::in_words;

@@ -17,10 +17,10 @@ use crate::frame::{Frame, Sender, Version};
 pub(crate) struct PendingParameters {
     version: Version,
     /// A bit for each, by index.
-    bits: u8,
+    bits: u16,
 }
 
-const _: () = assert!(Parameter::ALL.len() <= u8::BITS as usize);
+const _: () = assert!(Parameter::ALL.len() <= u16::BITS as usize);
 
 impl PendingParameters {
     pub(crate) const NONE: Self = Self {

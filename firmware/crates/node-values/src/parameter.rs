@@ -21,11 +21,25 @@ pub enum Parameter {
     LogMissed,
     /// Why the run before ended: 0 without a fault, otherwise the number that a stopped board's LED flashes.
     Fault,
+    /// The receiver's device id: PX4's 24 bits, all of which a REAL32 holds.
+    GnssId,
+    /// How it is: 0 nothing is known, 1 it works, 2 it does not.
+    GnssState,
+    /// The memory card's.
+    CardId,
+    /// How it was at its last use.
+    CardState,
+    /// USB's.
+    UsbId,
+    /// Whether a host has sent something.
+    UsbState,
+    /// The id of the device that steers the clock; 0 while none does.
+    ClockPrime,
 }
 
 impl Parameter {
     /// All of them, in the order of their indices.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 14] = [
         Self::Variant,
         Self::TickUs,
         Self::GpsBaud,
@@ -33,6 +47,13 @@ impl Parameter {
         Self::LogLen,
         Self::LogMissed,
         Self::Fault,
+        Self::GnssId,
+        Self::GnssState,
+        Self::CardId,
+        Self::CardState,
+        Self::UsbId,
+        Self::UsbState,
+        Self::ClockPrime,
     ];
 
     /// Its name.
@@ -46,6 +67,13 @@ impl Parameter {
             Self::LogLen => "PC_LOG_LEN",
             Self::LogMissed => "PC_LOG_MISSED",
             Self::Fault => "PC_FAULT",
+            Self::GnssId => "PC_GNSS_ID",
+            Self::GnssState => "PC_GNSS_STATE",
+            Self::CardId => "PC_CARD_ID",
+            Self::CardState => "PC_CARD_STATE",
+            Self::UsbId => "PC_USB_ID",
+            Self::UsbState => "PC_USB_STATE",
+            Self::ClockPrime => "PC_CLOCK_PRIME",
         }
     }
 

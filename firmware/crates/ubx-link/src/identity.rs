@@ -141,6 +141,22 @@ impl Identity {
         }
     }
 
+    /// The device type by which PX4's `drv_sensor.h` knows it.
+    #[must_use]
+    #[inline(never)]
+    pub fn px4_device_type(&self) -> u8 {
+        match (self.protocol / 100, &self.hardware) {
+            (50, _) => 0xAD,
+            (34, _) => 0xAC,
+            (27..34, _) if self.model.as_str().ends_with("F9P") => 0xAA,
+            (27..34, _) => 0xA9,
+            (15..27, _) | (_, b"0008") => 0xA8,
+            (14, _) | (_, b"0007") => 0xA7,
+            (_, b"0004") => 0xA6,
+            _ => 0xA5,
+        }
+    }
+
     /// Its firmware's version, in its own words.
     #[must_use]
     pub fn firmware(&self) -> &str {
@@ -212,22 +228,41 @@ mod tests {
     fn generations_are_told_apart() {
         use Generation::{Keys, Messages};
         use Unusable::{NoNavPvt, ShortNavPvt};
-        for (hardware, protocol, expected, model) in [
-            (&b"00040007"[..], &b""[..], Err(NoNavPvt), "u-blox 6"),
-            (b"00070000", b"PROTVER 14.00", Err(ShortNavPvt), "u-blox 7"),
-            (b"00070000", b"", Err(ShortNavPvt), "u-blox 7"),
-            (b"00080000", b"PROTVER=18.00", Ok(Messages), "u-blox 8"),
-            (b"00080000", b"PROTVER 15.00", Ok(Messages), "u-blox 8"),
-            (b"00080000", b"", Ok(Messages), "u-blox 8"),
-            (b"00190000", b"PROTVER=27.31", Ok(Keys), "u-blox 9"),
-            (b"00190000", b"PROTVER=32.01", Ok(Keys), "u-blox 9"),
-            (b"000A0000", b"PROTVER=34.10", Ok(Keys), "u-blox 10"),
-            (b"000A0000", b"PROTVER=40.00", Ok(Keys), "u-blox"),
-            (b"000B0000", b"PROTVER=50.10", Ok(Keys), "u-blox"),
+        for (hardware, protocol, expected, model, device_type) in [
+            (&b"00040007"[..], &b""[..], Err(NoNavPvt), "u-blox 6", 0xA6),
+            (
+                b"00070000",
+                b"PROTVER 14.00",
+                Err(ShortNavPvt),
+                "u-blox 7",
+                0xA7,
+            ),
+            (b"00070000", b"", Err(ShortNavPvt), "u-blox 7", 0xA7),
+            (
+                b"00080000",
+                b"PROTVER=18.00",
+                Ok(Messages),
+                "u-blox 8",
+                0xA8,
+            ),
+            (
+                b"00080000",
+                b"PROTVER 15.00",
+                Ok(Messages),
+                "u-blox 8",
+                0xA8,
+            ),
+            (b"00080000", b"", Ok(Messages), "u-blox 8", 0xA8),
+            (b"00190000", b"PROTVER=27.31", Ok(Keys), "u-blox 9", 0xA9),
+            (b"00190000", b"PROTVER=32.01", Ok(Keys), "u-blox 9", 0xA9),
+            (b"000A0000", b"PROTVER=34.10", Ok(Keys), "u-blox 10", 0xAC),
+            (b"000A0000", b"PROTVER=40.00", Ok(Keys), "u-blox", 0xA5),
+            (b"000B0000", b"PROTVER=50.10", Ok(Keys), "u-blox", 0xAD),
         ] {
             let identity = identity(hardware, &[protocol]);
             assert_eq!(identity.generation(), expected, "{model}");
             assert_eq!(identity.model(), model);
+            assert_eq!(identity.px4_device_type(), device_type, "{model}");
             assert_eq!(identity.firmware(), "EXT CORE 3.01 (1");
         }
     }
@@ -240,6 +275,7 @@ mod tests {
             (identity.model(), identity.firmware()),
             ("ZED-F9P", "HPG 1.32")
         );
+        assert_eq!(identity.px4_device_type(), 0xAA);
         assert_eq!(identity.protocol(), 2_731);
         for (text, expected) in [
             (&b"18"[..], 1_800),

@@ -1,10 +1,12 @@
 //! What the node looks up: parameters, the file of the log, and the status.
 
+use device_id::DeviceId;
 use mavlink_node::{LogFile, Parameter, Parameters, StatusLine, StatusWriter};
 use sample_log::csv;
 
 use super::source::number;
 use super::words;
+use crate::devices;
 use crate::reports::GNSS;
 use crate::samples::SAMPLES;
 use crate::settings::{GPS_BAUD, VARIANT};
@@ -27,6 +29,13 @@ impl Parameters for ThisBoard {
             }
             Parameter::LogLen => SAMPLES.len(),
             Parameter::LogMissed => SAMPLES.with(|log| log.missed()),
+            Parameter::GnssId => devices::receiver().0.number(),
+            Parameter::GnssState => devices::receiver().1.number().into(),
+            Parameter::CardId => DeviceId::CARD.number(),
+            Parameter::CardState => devices::card().number().into(),
+            Parameter::UsbId => DeviceId::USB.number(),
+            Parameter::UsbState => devices::usb().number().into(),
+            Parameter::ClockPrime => devices::prime(),
             Parameter::Fault => story::before().map_or(0, |(reason, _)| reason.number().into()),
         };
         // Exact below 2^24.

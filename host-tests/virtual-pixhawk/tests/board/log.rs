@@ -299,8 +299,12 @@ fn the_parameters_are_those_of_the_image() {
         board.run_to(WorldNanos(3_500 * MS)).unwrap();
         let (received, _) = received(&mut board);
         let values = Parameter::ALL.map(|wanted| parameter(&received, wanted).expect("a value"));
-        // Variant pixclock, 50 µs, 115200, the message, an empty log.
-        assert_eq!(values, [0.0, 50.0, 115_200.0, 1.0, 0.0, 0.0, 0.0]);
+        // Variant pixclock, 50 µs, 115200, the message, an empty log, no fault; an M8 that steers the clock, a card
+        // that was not used yet, and USB without a host.
+        let m8 = 0xA8_00_1D as f32;
+        let devices = [m8, 1.0, 0xFF_01_00 as f32, 0.0, 0xFF_02_00 as f32, 0.0, m8];
+        assert_eq!(values[..7], [0.0, 50.0, 115_200.0, 1.0, 0.0, 0.0, 0.0]);
+        assert_eq!(values[7..], devices);
     }
 }
 

@@ -247,6 +247,7 @@ fn positions_are_of_the_receivers_own_epochs_and_leave_no_line_of_others_behind(
         stamps.iter().all(|stamp| epochs_ms.contains(stamp)),
         "{stamps:?}"
     );
-    assert!(stamps.is_sorted_by(|one, next| one < next), "{stamps:?}");
+    // While its receiver is being configured the board has one solution for more than a second.
+    assert!(stamps.is_sorted(), "{stamps:?}");
     assert!(START_UTC_NS / 1_000_000 < stamps[0]);
 }

@@ -142,7 +142,7 @@ fn a_parameter_that_is_not_there_is_an_error() {
     for v2 in [false, true] {
         let mut node = node();
         for (nth, (index, name)) in (0..).zip([
-            (7, ""),
+            (Parameter::ALL.len() as i16, ""),
             (i16::MAX, "PC_VARIANT"),
             (-1, "PC_NONE"),
             (-1, ""),

@@ -25,12 +25,18 @@ pub struct Options {
 ///
 /// When something cannot be built.
 pub fn run(options: &Options) -> Result<ExitCode> {
-    let image = image::build(Build {
+    let build = Build {
         bench: true,
         ..Build::standard(Board::Pixhawk1)
+    };
+    let image = image::build(build)?;
+    let stanag = image::build(Build {
+        stanag: true,
+        ..build
     })?;
     let mut bench = Command::new(tool::build("bench")?);
     bench.arg("--image").arg(image);
+    bench.arg("--stanag-image").arg(stanag);
     bench.args(["--cpi", &options.cpi]);
     if options.json {
         bench.arg("--json");

@@ -42,14 +42,14 @@ impl Complaint {
     #[must_use]
     pub const fn words(self) -> &'static str {
         match self {
-            Self::Loi => "LOI 2 granted and no more: nothing here can be flown",
-            Self::NoKey => "not changed: no message without a key changes anything here",
+            Self::Loi => "LOI 2 granted, no more: nothing here flies",
+            Self::NoKey => "not changed: nothing changes without a key",
             Self::NotKnown => "not known here",
-            Self::Malformed => "refused: length is not what the presence vector says",
+            Self::Malformed => "refused: length is not the presence vector's",
             Self::OurId => "another node has our id",
-            Self::NotWhole => "datagram refused whole: it does not divide into frames",
-            Self::Idd => "refused: IDD 30 is spoken, and 32 understood",
-            Self::NoSum => "refused: on a serial line a frame needs its sum",
+            Self::NotWhole => "refused whole: does not divide into frames",
+            Self::Idd => "refused: IDD 30 is spoken, 32 read",
+            Self::NoSum => "refused: on a line a frame needs a sum",
         }
     }
 }

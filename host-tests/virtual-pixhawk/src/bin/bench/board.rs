@@ -65,9 +65,14 @@ pub fn executed(
     subject: &Subject,
     gps: impl Talker + Send + 'static,
     telem1: impl Talker + Send + 'static,
-    (from_ns, to_ns): (u64, u64),
+    window: (u64, u64),
 ) -> anyhow::Result<f64> {
-    let mut board = subject.board().gps(gps).telem1(telem1).power_on()?;
+    executed_by(subject.board().gps(gps).telem1(telem1), window)
+}
+
+/// The same, of a board with all that is connected to it.
+pub fn executed_by(board: Builder, (from_ns, to_ns): (u64, u64)) -> anyhow::Result<f64> {
+    let mut board = board.power_on()?;
     board.run_to(WorldNanos(from_ns))?;
     let before = board.instructions()?;
     board.run_to(WorldNanos(to_ns))?;

@@ -38,6 +38,9 @@ struct Bench {
     /// The image to measure; `cargo xtask bench` builds it and fills this in
     #[arg(long, value_name = "PATH")]
     image: PathBuf,
+    /// The one whose TELEM2 speaks STANAG 4586
+    #[arg(long, value_name = "PATH")]
+    stanag_image: PathBuf,
     /// Print one JSON object instead of the table
     #[arg(long)]
     json: bool,
@@ -47,7 +50,12 @@ struct Bench {
 }
 
 fn main() -> anyhow::Result<ExitCode> {
-    let Bench { image, json, cpi } = Bench::parse();
+    let Bench {
+        image,
+        stanag_image,
+        json,
+        cpi,
+    } = Bench::parse();
     let subject = Subject {
         firmware: Firmware::read(&image)?,
         pace: cpi,
@@ -78,16 +86,30 @@ fn main() -> anyhow::Result<ExitCode> {
     // The budgets of a byte over USB and of a search.
     let usb = noise::worst("any byte over USB, all in all", &usb_noise, 109.0, "");
     rows.push(usb);
+    let stanag = Subject {
+        firmware: Firmware::read(&stanag_image)?,
+        pace: cpi,
+    };
+    // Both lines' interrupts are one driver's.
+    let stanag_noise = noise::costs(&stanag, Line::Stanag, byte.mavlink)?;
+    rows.push(noise::worst(
+        "any byte on a line of STANAG 4586, beyond its interrupt",
+        &stanag_noise,
+        60.0,
+        "",
+    ));
     rows.push(jobs::load(&subject)?);
     let (waits, sections) = waits::all(&subject)?;
     rows.extend(waits);
+    let noise = [
+        ("GPS", gps_noise),
+        ("MAVLink", mavlink_noise),
+        ("STANAG", stanag_noise),
+    ];
     if json {
-        console::print_line!(
-            "{}",
-            table::to_json(&rows, &gps_noise, &mavlink_noise, &sections)
-        );
+        console::print_line!("{}", table::to_json(&rows, &noise, &sections));
     } else {
-        table::print(&rows, &gps_noise, &mavlink_noise, &sections);
+        table::print(&rows, &noise, &sections);
     }
     Ok(if rows.iter().all(Row::is_allowed) {
         ExitCode::SUCCESS

@@ -1,9 +1,9 @@
-//! Noise on both lines, of the kinds that hurt a framer most.
+//! Noise on the lines, of the kinds that hurt a framer most.
 
 use virtual_pixhawk::Script;
 use world::{Transmission, WorldNanos};
 
-use crate::board::{BAUD, MS, SECOND, Subject, executed};
+use crate::board::{BAUD, MS, SECOND, Subject, executed, executed_by};
 use crate::table::{NoiseCosts, Row};
 use crate::usb;
 
@@ -16,6 +16,8 @@ pub enum Line {
     Mavlink,
     /// The client's by USB.
     Usb,
+    /// The station's, which speaks STANAG 4586.
+    Stanag,
 }
 
 /// The cost of a byte beyond the `byte` instructions of its interrupt, for each kind of noise: everything that the
@@ -25,7 +27,7 @@ pub fn costs(subject: &Subject, line: Line, byte: u64) -> anyhow::Result<NoiseCo
     let begin = match line {
         // The board looks for its receiver at this rate first, from its start on.
         Line::Gps => 300 * MS,
-        Line::Mavlink | Line::Usb => 2 * SECOND,
+        Line::Mavlink | Line::Usb | Line::Stanag => 2 * SECOND,
     };
     let start = WorldNanos(begin + 10 * MS);
     // 1 000 bytes last 87 ms; after the silence, the framer gives up what it held back.
@@ -40,11 +42,13 @@ pub fn costs(subject: &Subject, line: Line, byte: u64) -> anyhow::Result<NoiseCo
             Line::Gps => executed(subject, script, Script::default(), window),
             Line::Mavlink => executed(subject, Script::default(), script, window),
             Line::Usb => usb::executed(subject, script, window),
+            Line::Stanag => executed_by(subject.board().telem2(script), window),
         }
     };
     let kinds = match line {
         Line::Gps => GPS_NOISE,
         Line::Mavlink | Line::Usb => MAVLINK_NOISE,
+        Line::Stanag => STANAG_NOISE,
     };
     let silence = run(Vec::new())?;
     let repeated = kinds
@@ -179,6 +183,64 @@ const MAVLINK_NOISE: &[(&str, &[u8])] = &[
     ),
     ("unknown flags", &[0xfd, 14, 2, 0, 0, 255, 190, 4, 0, 0]),
     ("foreign frames", &[0xfe, 1, 0, 255, 190, 200, 0, 0, 0]),
+];
+
+/// Noise made to hurt the search for frames of STANAG 4586.
+const STANAG_NOISE: &[(&str, &[u8])] = &[
+    ("zeros", &[0]),
+    ("first bytes", &[0xff]),
+    ("Message Properties, each second byte", &[0x1e, 0x40]),
+    (
+        "types and Message Properties, each fourth byte",
+        &[0x3e, 0x82, 0x1e, 0x40],
+    ),
+    (
+        "the last type that is looked for, each fourth byte",
+        &[0xcb, 0x25, 0x1e, 0x40],
+    ),
+    (
+        "types that are not looked for, each fourth byte",
+        &[0x0f, 0xa0, 0x1e, 0x40],
+    ),
+    (
+        "headers of heartbeats",
+        &[
+            0xff, 0xff, 0, 6, 0, 0x50, 0x5f, 1, 0xff, 0xff, 0xff, 0xff, 0x3e, 0x82, 0x1e, 0x40,
+        ],
+    ),
+    (
+        "headers of clock requests",
+        &[
+            0xff, 0xff, 0, 13, 0, 0x50, 0x5f, 1, 0xff, 0xff, 0xff, 0xff, 0xcb, 0x20, 0x1e, 0x40,
+        ],
+    ),
+    (
+        "two headers in 26 bytes",
+        &[
+            0xff, 0xff, 0, 6, 0, 0x50, 0x5f, 1, 0xff, 0xff, 0xff, 0xff, 0, 1, 0x1e, 0x40, 0, 0,
+            0xff, 0xff, 0xff, 0xff, 0x3e, 0x82, 0x1e, 0x40,
+        ],
+    ),
+    (
+        "shortest heartbeats with a wrong sum",
+        &[
+            0xff, 0xff, 0, 1, 0, 0x50, 0x5f, 1, 0xff, 0xff, 0xff, 0xff, 0x3e, 0x82, 0x1e, 0x40, 0,
+            0, 0,
+        ],
+    ),
+    (
+        "frames with a sum and another length than their vector says",
+        &[
+            0xff, 0xff, 0, 2, 0, 0x50, 0x5f, 1, 0xff, 0xff, 0xff, 0xff, 0x3e, 0x82, 0x1e, 0x40, 0,
+            0, 0x07, 0x88,
+        ],
+    ),
+    (
+        "shortest heartbeats without a sum",
+        &[
+            0xff, 0xff, 0, 1, 0, 0x50, 0x5f, 1, 0xff, 0xff, 0xff, 0xff, 0x3e, 0x82, 0x1e, 0, 0,
+        ],
+    ),
 ];
 
 /// Bytes of a linear congruential generator.

@@ -52,12 +52,7 @@ impl Row {
 pub type Sections = Vec<(String, u64)>;
 
 /// Prints the table.
-pub fn print(
-    rows: &[Row],
-    gps_noise: &NoiseCosts,
-    mavlink_noise: &NoiseCosts,
-    sections: &Sections,
-) {
+pub fn print(rows: &[Row], noise: &[(&str, NoiseCosts)], sections: &Sections) {
     console::print_line!(
         "{:<52} {:>8} {:>7}  others",
         "instructions on the virtual board",
@@ -76,7 +71,7 @@ pub fn print(
             row.peers
         );
     }
-    for (line, costs) in [("GPS", gps_noise), ("MAVLink", mavlink_noise)] {
+    for (line, costs) in noise {
         console::print_line!("\na byte of noise on the {line} line, beyond its interrupt");
         for (name, cost) in costs {
             console::print_line!("  {name:<50} {cost:>8.2}");
@@ -89,13 +84,10 @@ pub fn print(
 }
 
 /// The table as one object.
-pub fn to_json(
-    rows: &[Row],
-    gps_noise: &NoiseCosts,
-    mavlink_noise: &NoiseCosts,
-    sections: &Sections,
-) -> Value {
-    let noise = |costs: &NoiseCosts| -> Value {
+pub fn to_json(rows: &[Row], noise: &[(&str, NoiseCosts)], sections: &Sections) -> Value {
+    let of = |line: &str| -> Value {
+        let costs = noise.iter().find(|it| it.0 == line);
+        let costs = costs.map(|it| it.1.as_slice()).unwrap_or_default();
         costs
             .iter()
             .map(|&(name, cost)| (name.to_owned(), json!(cost)))
@@ -113,8 +105,9 @@ pub fn to_json(
                 "others": row.peers,
             }))
             .collect::<Vec<_>>(),
-        "gps_noise": noise(gps_noise),
-        "mavlink_noise": noise(mavlink_noise),
+        "gps_noise": of("GPS"),
+        "mavlink_noise": of("MAVLink"),
+        "stanag_noise": of("STANAG"),
         "masked": sections
             .iter()
             .map(|(function, length)| json!({"function": function, "instructions": length}))

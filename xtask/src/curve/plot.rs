@@ -86,6 +86,18 @@ pub fn routes(track: &Track, straight: &[Piece], curved: &[Piece], svg: &Path) -
     console::write_file(svg, text.as_bytes())
 }
 
+/// Columns of the picture that a point can be told apart in.
+const COLUMNS: f64 = 500.0;
+
+/// Of each column the point that is farthest apart: more would not be seen, and make a large file.
+fn greatest_by_column(points: &[(f64, f64)], end_s: f64) -> Vec<(f64, f64)> {
+    let column = |at: f64| (at / end_s * COLUMNS) as u32;
+    let chunks = points.chunk_by(|one, next| column(one.0) == column(next.0));
+    let greatest =
+        chunks.filter_map(|chunk| chunk.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1)));
+    greatest.collect()
+}
+
 /// Draws the distances of each method's first seed over time, by decades.
 ///
 /// # Errors
@@ -117,8 +129,10 @@ pub fn distances(found: &[Apart], speed_m_s: f64, svg: &Path) -> Result<()> {
         .y_label_formatter(&|it| format!("{it:.0e}"))
         .draw()?;
     for (it, colour) in found.iter().zip(COLOURS.into_iter().cycle()) {
-        let points = it.points[..it.first_seed].iter();
-        let points = points.map(|&(at, apart_m)| (at, apart_m.max(least_m)));
+        let points = greatest_by_column(&it.points[..it.first_seed], end_s);
+        let points = points
+            .into_iter()
+            .map(|(at, apart_m)| (at, apart_m.max(least_m)));
         chart
             .draw_series(LineSeries::new(points, &colour))?
             .label(it.method.title())

@@ -16,22 +16,26 @@
 //!
 //! *Limits.* Without a pulse a receiver that drifts within a crystal's means is followed.
 
-use timebase::{CORE_HZ, Cycles, LeapSeconds, Polarity, PulseEdge, PulseForecast};
+mod course;
+mod followed;
+mod pulse;
+mod waits;
+
+use timebase::{CORE_HZ, Cycles, LeapSeconds, PulseForecast};
+
+pub use course::{Correction, Course, Observation};
+use followed::Followed;
+use waits::{PROMPT_US, Waits};
 
 use crate::crystal_watch::CrystalWatch;
 use crate::drift_guard::DriftGuard;
 use crate::envelope::{Envelope, EnvelopeEstimate, EnvelopeVerdict};
-use crate::float::float;
-use crate::holdover::{self, CRYSTAL_PPB, DRIFT_PPB_PER_S, Uncertainty, rate};
-use crate::refusal::{PulseRefusal, Refusal};
+use crate::holdover::{self, CRYSTAL_PPB, Uncertainty, rate};
+use crate::refusal::Refusal;
 use crate::second::{Judged, SECOND_NS, Second};
 use crate::settings::{LEARNT_UNCERTAINTY_NS, Settings};
-use crate::track::{PulseTrack, nearest_second};
-use crate::train::{CrystalKnown, EdgeVerdict, Trains};
+use crate::train::Trains;
 use crate::utc::{Ppb, UtcNanos};
-
-/// A mark that waited longer than this behind other messages teaches the floor nothing. \[µs\]
-const PROMPT_US: u32 = 20_000;
 
 /// One that waited longer than this does not even number a pulse. \[µs\]
 const NUMBERS_US: u32 = 300_000;
@@ -39,12 +43,6 @@ const NUMBERS_US: u32 = 300_000;
 /// Where every mark has, and nothing better is known, it may have waited for so long and still name
 /// its second. \[µs\]
 const SETS_US: u32 = 450_000;
-
-/// Where every mark has waited for so long, those that waited least are observed. \[cycles\] 10 s
-const ALL_WAITED: u64 = 10 * CORE_HZ as u64;
-
-/// Those that waited longer than the least by no more than this. \[µs\]
-const LEAST_WAIT_US: u32 = 5_000;
 
 /// The receiver's own accuracy must be so good for its pulse to be proved. \[ns\]
 const PROOF_T_ACC_NS: u32 = 1_000;
@@ -58,25 +56,6 @@ const NUMBERED_NS: f32 = 450e6;
 /// Latencies that a receiver can have where none is known: a pulse is numbered so that the
 /// messages are late by this. None measured was longer than 185 ms. \[ns\]
 const LATENCIES_NS: core::ops::RangeInclusive<i64> = -100_000_000..=500_000_000;
-/// Half of the way from the least to the greatest. \[ns\]
-const MIDDLE_LATENCY_NS: i64 = 200_000_000;
-
-/// A train is the one that was followed before when it is no farther from its line than the line's
-/// uncertainty and this. \[ns\]
-const SAME_TRAIN_NS: f32 = 2_000.0;
-/// An edge is not seen where a pulse is expected just because nobody knows where that is. \[ns\]
-const MOST_DOOR_NS: f32 = 20_000.0;
-/// Another one has to outlast it by so long while it is there, and when it is not. \[s\]
-const OUTLASTS_S: f32 = 120.0;
-const OUTLASTS_HOLDOVER_S: f32 = 60.0;
-/// And at the crystal's frequency to so much. \[ppb\]
-const OUTLASTS_PPB: f32 = 500.0;
-
-/// Without a pulse for so long the clock is not on one any more. \[s\]
-const PULSE_LASTS_S: f32 = 10.0;
-/// The same. \[ns\]
-const PULSE_LASTS_NS: i64 = PULSE_LASTS_S as i64 * SECOND_NS;
-
 /// A frequency that is learnt in minutes lags behind a crystal that drifts by 1 ppm a minute:
 /// two minutes' worth. \[ppb\]
 const LAG_PPB: f32 = 2_000.0;
@@ -84,84 +63,14 @@ const LAG_PPB: f32 = 2_000.0;
 /// Each mark's part in the latency that is learnt: 13 s at 5 Hz.
 const LEARNING: i64 = 64;
 
-/// Errors are absorbed in so long, in ms, as far as the bound of the slew allows: those of the
-/// messages and those of the pulse.
-const ABSORB_MS: (u32, u32) = (1_000, 250);
-/// One mark is believed for no longer than marks may stay away, a proved pulse for as long as it
-/// takes to slew what is not stepped. \[cycles\] 2 s, 20 s
-const LONGEST_SLEW: (u64, u64) = (2 * CORE_HZ as u64, 20 * CORE_HZ as u64);
+/// An error is absorbed in so many ms, as far as the bound of the slew allows.
+const ABSORB_MS: u32 = 1_000;
+
+/// One mark is believed for no longer than marks may stay away. \[cycles\] 2 s
+const LONGEST_SLEW: u64 = 2 * CORE_HZ as u64;
 
 // The estimators, with all that they remember: no more than a small board can spare.
 const _: () = assert!(size_of::<Discipline>() <= 6 * 1_024);
-
-/// One mark or pulse beside the clock that it corrects.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Observation {
-    /// When it arrived.
-    pub at: Cycles,
-    /// UTC at its arrival as the clock had it.
-    pub published: UtcNanos,
-    /// How far off the clock may have been then, its second's number apart; none while
-    /// it is unset. \[ns\]
-    pub uncertainty_ns: Option<f32>,
-}
-
-/// How the clock has to go on.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Course {
-    /// UTC less the clock at the observation, in ns: positive when the clock is behind.
-    pub error_ns: i64,
-    /// How much faster than the crystal the clock has to run.
-    pub frequency: Ppb,
-    /// How far off it may be then, the receiver's latency apart.
-    pub uncertainty: Uncertainty,
-    /// How far the receiver's latency may be from the one that is corrected, or its pulse
-    /// from UTC, in ns.
-    pub latency_uncertainty_ns: u32,
-    /// How far the frequency may be off beside that if nothing follows. \[ppb\]
-    pub turned_ppb: f32,
-    /// In how many ms the error is to be absorbed, if that is not too fast.
-    pub absorb_ms: u32,
-    /// For so long at most. \[cycles\]
-    pub longest_slew: u64,
-}
-
-/// What is to be done about an observation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Correction {
-    /// Go on so.
-    Follow(Course),
-    /// The same, and the error may be stepped over: the first mark of all.
-    First(Course),
-    /// Step by the error; the clock is wrong beyond uncertainty.
-    Step(Course),
-    /// The second has another number: step by so much, and go on as before. \[ns\]
-    Renumber(i64),
-    /// Go on as before: the mark confirms a better source.
-    Nothing,
-}
-
-/// A pulse that is followed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FollowedPulse {
-    /// Its rise, and the clock then.
-    pub observed: Observation,
-    /// The error may be stepped over: the first one of a train.
-    pub is_new: bool,
-    /// Go on so.
-    pub course: Course,
-}
-
-/// The pulse's line: of the train that is followed, or was last.
-#[derive(Clone, Copy, Debug)]
-struct Followed {
-    track: PulseTrack,
-    train: u8,
-    /// The second that its last pulse marks, in the discipline's scale. \[ns\]
-    second_ns: i64,
-    /// When an edge last rose where its pulse is expected, whatever became of it. \[ns\]
-    seen_ns: u64,
-}
 
 /// The estimators, and who is believed.
 #[derive(Clone, Debug)]
@@ -192,19 +101,6 @@ pub struct Discipline {
     waits: Waits,
 }
 
-/// How long marks wait behind others.
-#[derive(Clone, Copy, Debug)]
-struct Waits {
-    /// When one last had not waited.
-    prompt_at: Cycles,
-    /// The least of the last [`ALL_WAITED`], of those before, and when that began. \[µs\]
-    least_us: u32,
-    least_before_us: u32,
-    since: Cycles,
-    /// What the floor's marks have waited. \[µs\]
-    floor_us: u32,
-}
-
 impl Discipline {
     /// A discipline that has observed nothing.
     #[must_use]
@@ -232,13 +128,7 @@ impl Discipline {
             is_adrift: false,
             crystal_ppb,
             crystal_uncertainty_ppb: uncertainty_ppb,
-            waits: Waits {
-                prompt_at: Cycles::BOOT,
-                least_us: u32::MAX,
-                least_before_us: u32::MAX,
-                since: Cycles::BOOT,
-                floor_us: 0,
-            },
+            waits: Waits::new(),
         }
     }
 
@@ -549,144 +439,13 @@ impl Discipline {
 
     /// UTC by the pulse's line in the discipline's scale, with how far it may be off; both in ns.
     fn pulse_at(&self, local_ns: u64) -> Option<(i64, f32)> {
-        let followed = self.followed.as_ref()?;
-        let utc_ns = followed
-            .second_ns
-            .saturating_add(followed.track.elapsed_ns(local_ns));
-        Some((utc_ns, followed.track.uncertainty_ns(local_ns)))
+        Some(self.followed.as_ref()?.utc_at(local_ns))
     }
 
     fn is_on_pulse(&self, local_ns: u64) -> bool {
         self.followed
             .as_ref()
-            .is_some_and(|followed| followed.track.since_s(local_ns) < PULSE_LASTS_S)
-    }
-
-    /// Takes an edge of the pulse's wire; `None` where it waits for others.
-    ///
-    /// # Errors
-    /// Why it is to be ignored.
-    #[inline]
-    pub fn handle_edge(
-        &mut self,
-        edge: &PulseEdge,
-        observe: impl Fn(Cycles) -> Observation,
-    ) -> Result<Option<FollowedPulse>, PulseRefusal> {
-        if edge.polarity == Polarity::Rise {
-            self.note_rise(edge.at.as_nanos());
-        }
-        let followed = self.followed.as_ref();
-        let (crystal_ppb, uncertainty_ppb) = (self.crystal_ppb, self.crystal_uncertainty_ppb);
-        let known = || CrystalKnown {
-            crystal_ppb,
-            uncertainty_ppb: crystal_uncertainty_ppb(followed, uncertainty_ppb, edge.at),
-        };
-        let (train, since_ns, rise, rise_ns) = match self.trains.handle_edge(edge, known) {
-            EdgeVerdict::Noted => return Ok(None),
-            EdgeVerdict::Refused(refusal) => return Err(refusal),
-            EdgeVerdict::Proved {
-                train,
-                since_ns,
-                rise,
-                rise_ns,
-            } => (train, since_ns, rise, rise_ns),
-        };
-        if self.crystal_watch.is_beyond() {
-            self.crystal_watch = CrystalWatch::new();
-        }
-        let Some(track) = self.trains.track(train) else {
-            return Err(PulseRefusal::Unnumbered);
-        };
-        let observed = observe(rise);
-        let Some(clock_uncertainty_ns) = observed.uncertainty_ns else {
-            return Err(PulseRefusal::Unnumbered);
-        };
-        let edge_ns = track.edge_ns();
-        let steady_s = || float(edge_ns.wrapping_sub(since_ns).cast_signed()) * 1e-9;
-        let (is_new, second_ns) = match &self.followed {
-            Some(followed) => {
-                let since_ns = edge_ns.wrapping_sub(followed.track.edge_ns()).cast_signed();
-                if followed.train == train && since_ns < PULSE_LASTS_NS {
-                    // No crystal is half a second off in so short a time.
-                    let seconds_ns = nearest_second(since_ns);
-                    (false, followed.second_ns.saturating_add(seconds_ns))
-                } else {
-                    let elapsed_ns = followed.track.elapsed_ns(edge_ns);
-                    let seconds_ns = nearest_second(elapsed_ns);
-                    let off_ns = float(elapsed_ns.saturating_sub(seconds_ns));
-                    let door_ns = followed.track.uncertainty_ns(edge_ns) + SAME_TRAIN_NS;
-                    let is_same_phase = off_ns.abs() <= door_ns;
-                    if !is_same_phase {
-                        may_replace(followed, track, edge_ns, steady_s())?;
-                    }
-                    let second_ns = followed.second_ns.saturating_add(seconds_ns);
-                    (!is_same_phase, second_ns)
-                }
-            }
-            None => {
-                let shown_ns = observed.published.0.saturating_add(self.shift_ns);
-                let middle_ns = if self.is_latency_learnt {
-                    0
-                } else {
-                    MIDDLE_LATENCY_NS - self.latency_ns
-                };
-                let second_ns = nearest_second(shown_ns.saturating_add(middle_ns));
-                let latency_ns = second_ns.saturating_sub(shown_ns) + self.latency_ns;
-                if clock_uncertainty_ns > NUMBERED_NS || !LATENCIES_NS.contains(&latency_ns) {
-                    return Err(PulseRefusal::OffSecond);
-                }
-                let apart_ppb = (track.crystal_ppb() - self.crystal_ppb).abs();
-                let is_other_crystal = apart_ppb > 2.0 * self.crystal_uncertainty_ppb;
-                if is_other_crystal && steady_s() < OUTLASTS_HOLDOVER_S {
-                    return Err(PulseRefusal::OffLine);
-                }
-                self.is_latency_learnt = false;
-                (true, second_ns)
-            }
-        };
-        self.crystal_ppb = track.crystal_ppb();
-        let turned_ppb;
-        (self.crystal_uncertainty_ppb, turned_ppb) = track.frequency_uncertainties_ppb();
-        self.followed = Some(Followed {
-            track: *track,
-            train,
-            second_ns,
-            seen_ns: edge_ns,
-        });
-        // Its track was moved to this pulse, and between that and its rise are some ns.
-        let uncertainty_ns = track.phase_uncertainty_ns();
-        let error_ns = second_ns
-            .saturating_add(track.elapsed_ns(rise_ns))
-            .saturating_sub(self.shift_ns)
-            .saturating_sub(observed.published.0);
-        // What the filters claim by the next pulse; more than that hides no turn.
-        let claimed_ns = (uncertainty_ns + self.crystal_uncertainty_ppb) as u32;
-        let hidden_ns = self.hidden_turn_ns.saturating_sub(claimed_ns);
-        let course = Course {
-            latency_uncertainty_ns: self.pulse_uncertainty_ns.saturating_add(hidden_ns),
-            turned_ppb,
-            absorb_ms: ABSORB_MS.1,
-            longest_slew: LONGEST_SLEW.1,
-            ..self.course(rise, error_ns, uncertainty_ns)
-        };
-        Ok(Some(FollowedPulse {
-            observed,
-            is_new,
-            course,
-        }))
-    }
-
-    /// Whether the followed pulse is there is known from its rise alone.
-    fn note_rise(&mut self, rise_ns: u64) {
-        let Some(followed) = &mut self.followed else {
-            return;
-        };
-        let elapsed_ns = followed.track.elapsed_ns(rise_ns);
-        let off_ns = float(elapsed_ns.saturating_sub(nearest_second(elapsed_ns)));
-        let door_ns = followed.track.uncertainty_ns(rise_ns).min(MOST_DOOR_NS) + SAME_TRAIN_NS;
-        if off_ns.abs() <= door_ns {
-            followed.seen_ns = rise_ns;
-        }
+            .is_some_and(|followed| followed.is_lasting(local_ns))
     }
 
     /// A course as the messages have it.
@@ -701,70 +460,8 @@ impl Discipline {
             },
             latency_uncertainty_ns: self.latency_uncertainty_ns,
             turned_ppb: 0.0,
-            absorb_ms: ABSORB_MS.0,
-            longest_slew: LONGEST_SLEW.0,
+            absorb_ms: ABSORB_MS,
+            longest_slew: LONGEST_SLEW,
         }
-    }
-}
-
-/// Whether a train at another phase than the one that is followed has outlasted it.
-fn may_replace(
-    followed: &Followed,
-    track: &PulseTrack,
-    edge_ns: u64,
-    steady_s: f32,
-) -> Result<(), PulseRefusal> {
-    let since_s = followed.track.since_s(edge_ns);
-    let is_gone = since_s > PULSE_LASTS_S;
-    let unseen_s = float(edge_ns.wrapping_sub(followed.seen_ns).cast_signed()) * 1e-9;
-    if is_gone && unseen_s < PULSE_LASTS_S {
-        // It is still there, if misshapen.
-        return Err(PulseRefusal::OffLine);
-    }
-    let lasts_s = if is_gone {
-        OUTLASTS_HOLDOVER_S
-    } else {
-        OUTLASTS_S
-    };
-    let apart_ppb = track.crystal_ppb() - followed.track.crystal_ppb();
-    let most_ppb = OUTLASTS_PPB + 2.0 * DRIFT_PPB_PER_S * since_s;
-    if steady_s < lasts_s || apart_ppb.abs() > most_ppb {
-        return Err(PulseRefusal::OffLine);
-    }
-    Ok(())
-}
-
-/// How far off a crystal's frequency may be for a train that begins. \[ppb\]
-fn crystal_uncertainty_ppb(followed: Option<&Followed>, known_ppb: f32, at: Cycles) -> f32 {
-    // What messages teach of it can be wrong by more than anybody knows.
-    followed.map_or(CRYSTAL_PPB, |followed| {
-        let since_s = followed.track.since_s(at.as_nanos());
-        (known_ppb + 2.0 * DRIFT_PPB_PER_S * since_s).min(CRYSTAL_PPB)
-    })
-}
-
-impl Waits {
-    /// Whether a mark that has waited for so long teaches the floor.
-    fn may_teach(
-        &mut self,
-        observed: &Observation,
-        busy_us: u32,
-        message_uncertainty_ns: f32,
-    ) -> bool {
-        if observed.at.since(self.since) > ALL_WAITED.cast_signed() {
-            self.since = observed.at;
-            self.least_before_us = core::mem::replace(&mut self.least_us, u32::MAX);
-        }
-        self.least_us = self.least_us.min(busy_us);
-        if busy_us <= PROMPT_US {
-            self.prompt_at = observed.at;
-            return true;
-        }
-        let is_needed = observed
-            .uncertainty_ns
-            .is_none_or(|ns| ns > message_uncertainty_ns + busy_us as f32 * 1e3);
-        is_needed
-            && observed.at.since(self.prompt_at) > ALL_WAITED.cast_signed()
-            && busy_us <= self.least_before_us.saturating_add(LEAST_WAIT_US)
     }
 }

@@ -15,13 +15,15 @@
 //!
 //! An error is absorbed at the rate that the [`Discipline`] asks for, at most [`UtcClock::MAX_SLEW`], until
 //! it is gone or somebody knows better; one mark alone moves the clock by 0.8 ms at most. Lateness is
-//! one-sided, so a clock that was set by a late mark is behind: within [`SETTLING`] of being set it
-//! steps *forward* instead, by what is more than [`LEAST_STEP_NS`]. To a pulse that is followed anew
+//! one-sided, so a clock that was set by a late mark is behind: within `SETTLING` of being set it
+//! steps *forward* instead, by what is more than `LEAST_STEP_NS`. To a pulse that is followed anew
 //! it steps, either way, by what is more than [`LEAST_PULSE_STEP_NS`].
 //!
 //! *Limits.* A call has to end within the lead of the time that it was given. What
 //! a mark's residual means is the [`Discipline`]'s business; the bound of the slew
 //! is kept here, whatever it says.
+
+mod steering;
 
 use core::cmp::Ordering;
 
@@ -38,51 +40,19 @@ use crate::refusal::{PulseRefusal, Refusal};
 use crate::settings::Settings;
 use crate::utc::{Ppb, UtcNanos};
 
-/// Without a mark for so long the clock is in holdover: 2 s, or 3.5 periods of a receiver that
-/// speaks more seldom.
-const HOLDOVER_AFTER: u64 = 2 * CORE_HZ as u64;
-
-/// One mark may be lost, and the next be late. In halves of a period.
-const HOLDOVER_HALF_PERIODS: u64 = 7;
-
 /// A receiver that speaks more seldom than each 3 s is one that is silent. \[ns\]
 const LONGEST_PERIOD_NS: u32 = 3_000_000_000;
 
-/// From pulse to pulse is a second; without the next one the line begins anew after so long, in
-/// cycles: 1.25 s. Its straight line of uncertainty is near the curve that it stands for.
-const PULSE_LASTS: u64 = CORE_HZ as u64 * 5 / 4;
-
-/// A pulse that has not come by then will not, in cycles: 1.2 s.
-const PULSE_LATE: i64 = CORE_HZ as i64 * 6 / 5;
-
 /// Without a pulse for so long the messages are what confirms the clock, in cycles: 3.5 s.
 const PULSE_LOST: i64 = CORE_HZ as i64 * 7 / 2;
-
-/// The line gets a new origin at least so often: 10 s, well within the
-/// 25.5 s in which a reading takes the short way.
-const REBASE_AFTER: u64 = 10 * CORE_HZ as u64;
 
 /// A mark that arrived longer ago is not believed: 10 s; the 32-bit stamp it
 /// came with names a moment for 25.5 s.
 const MAX_AGE: u64 = 10 * CORE_HZ as u64;
 
-/// For so long after it was set the clock may step forward: 30 s.
-const SETTLING: u64 = 30 * CORE_HZ as u64;
-
-/// An error that is slewed away in a quarter of a second is not worth a step: 100 µs.
-const LEAST_STEP_NS: i64 = 100_000;
-
 /// To a pulse that is followed anew the clock steps, back too, where a slew would take longer than
 /// 1 s: 400 µs.
 const LEAST_PULSE_STEP_NS: i64 = 400_000;
-
-const CYCLES_PER_MS: u64 = CORE_HZ as u64 / 1_000;
-
-/// Cycles in which [`UtcClock::MAX_SLEW`] absorbs one ns.
-const CYCLES_PER_NS_AT_MAX_SLEW: u64 = CORE_HZ as u64 / UtcClock::MAX_SLEW.0 as u64;
-
-/// A clock that may be farther off has lost its second. \[ns\]
-const LOST_SECOND_NS: u64 = 500_000_000;
 
 /// The clock that marks and pulses steer.
 #[derive(Debug)]
@@ -486,194 +456,6 @@ impl<'a> UtcClock<'a> {
     fn rest_ns(&self) -> f32 {
         self.unabsorbed_ns
             .saturating_add(self.latency_uncertainty_ns) as f32
-    }
-
-    /// Nothing is true any more of what was published.
-    fn unset(&mut self, now: Cycles) {
-        if self.is_crowded(now) {
-            // The next mark does it.
-            return;
-        }
-        self.end_slew();
-        self.unabsorbed_ns = 0;
-        self.turned_ppb = 0.0;
-        self.state = ClockState::Unset;
-        self.steered_by = Source::Nothing;
-        let line = ClockModel {
-            quality: ClockModel::BOOT.quality,
-            ..self.line_from(now)
-        };
-        self.steer(&line, now);
-    }
-
-    /// Tells the line anew where something is known about the second that it does not say.
-    fn publish_second(&mut self, now: Cycles) {
-        let utc = self.model.utc_at(now);
-        self.discipline.second_mut().tie_event(now, utc);
-        let second = self.discipline.second();
-        let news = (second.uncertainty_ns(), second.is_proved());
-        if news.0 > self.second.0 && second.is_contradicted() {
-            bump(&mut self.counters.contradictions);
-        }
-        if news != self.second && self.state != ClockState::Unset && !self.is_crowded(now) {
-            let line = self.line_from(now);
-            self.steer(&line, now);
-        }
-    }
-
-    /// The course that is to be corrected, seen from a moment: the newest one, even if
-    /// another one still held then.
-    #[inline]
-    fn line_from(&self, at: Cycles) -> ClockModel {
-        self.model.rebased(at)
-    }
-
-    #[inline]
-    fn may_step(&self, course: &Course, now: Cycles) -> bool {
-        // Nobody has been promised a second before one is proved.
-        let is_worth_it = course.error_ns > LEAST_STEP_NS
-            || (course.error_ns < -LEAST_STEP_NS && self.discipline.second().is_open());
-        is_worth_it && now < self.set_at.plus(SETTLING)
-    }
-
-    #[inline]
-    fn step(&mut self, line: &mut ClockModel, course: &Course) -> Outcome {
-        self.take(course);
-        self.slew = Ppb(0);
-        self.unabsorbed_ns = 0;
-        self.absorbs_ns = 0;
-        line.base = line.base.plus_nanos(course.error_ns);
-        if self.state != ClockState::Unset {
-            self.count_step(course.error_ns);
-        }
-        Outcome::Stepped {
-            by_ns: course.error_ns,
-        }
-    }
-
-    fn count_step(&mut self, by_ns: i64) {
-        bump(if by_ns > 0 {
-            &mut self.counters.steps_forward
-        } else {
-            &mut self.counters.steps_back
-        });
-    }
-
-    /// Sets the slew that absorbs an error of a clock that may have been off by `before_ns`.
-    #[inline]
-    fn absorb(&mut self, course: &Course, before_ns: Option<f32>, now: Cycles) {
-        let before_ns = before_ns.unwrap_or(f32::MAX);
-        self.take(course);
-        let error_ns = course.error_ns.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
-        let most = error_ns.unsigned_abs().min(2_000_000);
-        // ns in so many ms are so many ppb: ns · 1000 / ms.
-        let rate = most * 1_000 / course.absorb_ms.max(1);
-        let slew = rate.min(Self::MAX_SLEW.0.unsigned_abs()).cast_signed();
-        self.slew = Ppb(if error_ns < 0 { -slew } else { slew });
-        let least = u64::from(course.absorb_ms) * CYCLES_PER_MS;
-        let needed = u64::from(error_ns.unsigned_abs()) * CYCLES_PER_NS_AT_MAX_SLEW;
-        let lasts = needed.max(least).min(course.longest_slew);
-        self.slew_ends = now.plus(Self::LEAD).plus(lasts);
-        self.absorbs_ns = if needed <= lasts {
-            u32::MAX
-        } else {
-            (lasts / CYCLES_PER_NS_AT_MAX_SLEW) as u32
-        };
-        // Until then the clock is no farther off than it was, if what it said was true.
-        let news_ns = course.uncertainty.phase_ns + course.latency_uncertainty_ns as f32;
-        let left_ns = error_ns.unsigned_abs() as f32;
-        let most_ns = if left_ns > before_ns {
-            left_ns
-        } else {
-            (before_ns - news_ns).max(0.0)
-        };
-        self.unabsorbed_ns = left_ns.min(most_ns) as u32;
-    }
-
-    /// The slew is over; what it could not absorb is left, and doubted.
-    #[inline]
-    fn end_slew(&mut self) {
-        self.slew = Ppb(0);
-        self.unabsorbed_ns = self.unabsorbed_ns.saturating_sub(self.absorbs_ns);
-        self.absorbs_ns = 0;
-    }
-
-    #[inline]
-    fn take(&mut self, course: &Course) {
-        self.frequency = course.frequency;
-        self.uncertainty = course.uncertainty;
-        self.latency_uncertainty_ns = course.latency_uncertainty_ns;
-        self.turned_ppb = course.turned_ppb;
-    }
-
-    /// Whether the line has no room for a change of course: it keeps three models, and with two
-    /// that are still to begin the third is the one in force.
-    #[inline]
-    fn is_crowded(&self, now: Cycles) -> bool {
-        self.before_at > now
-    }
-
-    /// From [`UtcClock::LEAD`] after `now` on, follows `line` with the rate of the hour.
-    #[inline]
-    fn steer(&mut self, line: &ClockModel, now: Cycles) {
-        // Never before the model that may have been read already.
-        let at = now.plus(Self::LEAD).max(self.model.at);
-        let rate = Ppb(self.frequency.0.saturating_add(self.slew.0));
-        let mut model = ClockModel {
-            mult: model::mult(rate),
-            ..line.rebased(at)
-        };
-        if self.state != ClockState::Unset {
-            self.appraise(&mut model);
-        }
-        self.before_at = self.model.at;
-        self.model = model;
-        self.timeline.publish(&self.model);
-    }
-
-    /// Writes the uncertainty into a model: what it is where that begins, and a straight line that is
-    /// above it until the model is replaced.
-    fn appraise(&mut self, model: &mut ClockModel) {
-        let second = self.discipline.second();
-        self.second = (second.uncertainty_ns(), second.is_proved());
-        if self.turned_ppb > 0.0 && model.at.since(self.last_pulse) > PULSE_LATE {
-            self.uncertainty.frequency_ppb += core::mem::take(&mut self.turned_ppb);
-        }
-        let lasts_s = (self.lasts() / CYCLES_PER_MS) as u32 as f32 * 1e-3;
-        let begins_s = self.uncertainty.since_s(model.at);
-        let begins_ns = self.uncertainty.after_s(begins_s);
-        let ends_ns = self.uncertainty.after_s(begins_s + lasts_s);
-        let phase_ns = (begins_ns as u64)
-            .saturating_add(1)
-            .saturating_add(self.unabsorbed_ns.into())
-            .saturating_add(self.latency_uncertainty_ns.into());
-        let (second_ns, is_proved) = self.second;
-        model.quality.uncertainty_ns = phase_ns.saturating_add(second_ns);
-        model.quality.state = if is_proved && phase_ns < LOST_SECOND_NS {
-            self.state
-        } else {
-            ClockState::Unproved
-        };
-        let growth_ppb = libm::ceilf((ends_ns - begins_ns) / lasts_s) as i32;
-        model.quality.growth = model::growth(Ppb(growth_ppb));
-    }
-
-    /// For how long a model is published at most before it begins anew, with the uncertainty of then.
-    const fn lasts(&self) -> u64 {
-        match (self.state, self.steered_by) {
-            (ClockState::Set, Source::Pulse) => PULSE_LASTS,
-            (ClockState::Set, _) => HOLDOVER_AFTER,
-            _ => REBASE_AFTER,
-        }
-    }
-
-    fn holdover_begins(&self) -> Cycles {
-        let period = match self.steered_by {
-            Source::Pulse => CORE_HZ.into(),
-            _ => self.period,
-        };
-        let after = (HOLDOVER_HALF_PERIODS * period / 2).max(HOLDOVER_AFTER);
-        self.last_accepted.plus(after)
     }
 }
 

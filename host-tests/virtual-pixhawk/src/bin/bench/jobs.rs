@@ -101,8 +101,7 @@ pub fn estimators(subject: &Subject) -> anyhow::Result<[Row; 2]> {
             most(PULSE, 19)?,
             2500.0,
             "",
-        )
-        .for_now(2_550.0),
+        ),
     ])
 }
 
@@ -137,7 +136,7 @@ pub fn nav_pvt(subject: &Subject) -> anyhow::Result<Row> {
         3_000.0,
         "PX4 5028, inav 3901, crate ublox 993 to 31836 (parsing alone)",
     )
-    .for_now(4_400.0))
+    .for_now(4_250.0))
 }
 
 /// From a PING's whole frame to the bytes of its answer. The search for its

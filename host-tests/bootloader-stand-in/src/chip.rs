@@ -177,10 +177,13 @@ impl Pixhawk {
         has_passed
     }
 
-    fn wait(&self, ms: u32) {
+    /// Waits; what a host asks meanwhile is answered, and what is left of an answer leaves.
+    fn wait(&mut self, ms: u32) {
         self.begin_ms();
         for _ in 0..ms {
             while !self.take_ms() {
+                self.usb.poll();
+                NVIC::unpend(Interrupt::OTG_FS);
                 asm::wfi();
             }
         }

@@ -11,7 +11,6 @@
 use std::fmt;
 use std::io::{self, ErrorKind, Read as _, Write as _};
 use std::net::{TcpStream, UdpSocket};
-use std::path::Path;
 use std::str::FromStr;
 use std::time::Duration;
 
@@ -194,7 +193,7 @@ impl Link {
 
 /// What to do about a serial device that cannot be opened.
 fn why_not_opened(device: &str) -> String {
-    if Path::new(device).exists() {
+    if system::has_serial_port(device) {
         format!(
             "{device} cannot be opened; if another program holds it (a ground station, \
              ModemManager), close that, and see that you may use serial ports"

@@ -1,6 +1,7 @@
 //! All that differs between the systems that a verb may run on: Linux, macOS and Windows.
 
 use std::io;
+use std::path::Path;
 use std::process::{Child, Command, ExitCode};
 
 use anyhow::{Context, Result};
@@ -13,6 +14,17 @@ pub const SERIAL_LINE: &str = if cfg!(windows) {
 } else {
     "serial:/dev/ttyACM0:115200"
 };
+
+/// Whether there is a serial port of that name. On Windows it is no file.
+pub fn has_serial_port(name: &str) -> bool {
+    if cfg!(windows) {
+        let ports = serialport::available_ports().unwrap_or_default();
+        return ports
+            .iter()
+            .any(|port| port.port_name.eq_ignore_ascii_case(name));
+    }
+    Path::new(name).exists()
+}
 
 /// Becomes a tool: it takes over this process with its id, so that whoever signals or waits for the one
 /// that was started has the tool itself. Returns only the reason why it cannot be started.

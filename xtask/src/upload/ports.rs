@@ -5,15 +5,14 @@
 //!
 //! *Limits.* An adapter on TELEM1 says nothing of the board behind it: it has to be named.
 
-use std::path::Path;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
 use serialport::{SerialPortInfo, SerialPortType, UsbPortInfo};
 
-use crate::ctrl_c;
 use crate::link::Address;
+use crate::{ctrl_c, system};
 
 /// 3D Robotics, as the bootloader of the Pixhawk 1 and PX4's firmware for it name themselves.
 const VENDOR: u16 = 0x26AC;
@@ -44,8 +43,8 @@ pub fn wait_for_one() -> Result<Address> {
         }
         if Instant::now() >= until {
             bail!(
-                "no board is on USB: plug it in; over an adapter on TELEM1 name it, as in \
-                 serial:/dev/ttyUSB0"
+                "no board is on USB: plug it in; over an adapter on TELEM1 name it, as in {}",
+                system::SERIAL_LINE
             );
         }
         if !is_said {
@@ -61,7 +60,7 @@ pub fn wait_for_one() -> Result<Address> {
 pub fn candidates(device: &str) -> Vec<String> {
     let mut names = boards();
     names.retain(|name| name != device);
-    if Path::new(device).exists() {
+    if system::has_serial_port(device) {
         names.insert(0, device.to_owned());
     }
     names

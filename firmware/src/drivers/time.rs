@@ -46,9 +46,10 @@ pub const TICK_PERIOD: u32 = CORE_HZ / 1_000_000 * VARIANT.tick_us();
 /// The counters, SysTick and TIM5.
 struct Registers;
 
-#[used] // Keeps them together: one address for all, where a tick and a reading take several.
-static WORDS: [AtomicU32; 4] = [const { AtomicU32::new(0) }; 4];
-static ALARM: AtomicU32 = AtomicU32::new(0);
+/// The words of the time, and behind them when the alarm is due.
+#[used] // Keeps them together: one address for all, where a tick and a reading would take several.
+static WORDS: [AtomicU32; ALARM + 1] = [const { AtomicU32::new(0) }; ALARM + 1];
+const ALARM: usize = 4;
 static STARTED: AtomicBool = AtomicBool::new(false);
 
 impl CounterPair for Registers {
@@ -287,7 +288,11 @@ fn pend_alarm() {
 
 #[inline(always)]
 fn is_alarm_due(anchor: Stamp) -> bool {
-    anchor.0.wrapping_sub(ALARM.load(Relaxed)).cast_signed() >= 0
+    anchor
+        .0
+        .wrapping_sub(WORDS[ALARM].load(Relaxed))
+        .cast_signed()
+        >= 0
 }
 
 /// The next alarm has to come before the witness has counted [`MISSED`].
@@ -326,7 +331,7 @@ fn set_alarm(due: Cycles) {
     } else {
         anchor.wrapping_add(SERVICE)
     };
-    ALARM.store(alarm, Relaxed);
+    WORDS[ALARM].store(alarm, Relaxed);
 }
 
 struct TimeDriver {

@@ -84,7 +84,7 @@ const UNIQUE_ID_LEN: usize = 12;
 /// paid for, and the task's look at every link. Measured, with all answers read, and rounded up.
 const RECEIVING: u64 = 2_800;
 /// The same of a packet that is sent.
-const SENDING: u64 = 1_500;
+const SENDING: u64 = 1_900;
 
 /// Work that is paid for in advance while nothing comes, with its price, in cycles: 1 ms.
 const CREDIT: u64 = CORE_HZ as u64 / 1_000;

@@ -96,6 +96,7 @@ pub fn all() -> Result<Vec<Group>> {
     Ok(vec![
         Group::InTurn(rules()),
         Group::InTurn(lints()),
+        Group::SideBySide(other_systems()),
         Group::InTurn(tests()?),
         Group::InTurn(figures()),
         Group::InTurn(same_files_again(&target_dir()?.join("same-files"))),
@@ -151,6 +152,19 @@ fn lints() -> Vec<Step> {
         steps.push(rest.fold(step, Step::arg));
     }
     steps
+}
+
+/// The verbs for Windows and macOS, which no test of ours runs on.
+fn other_systems() -> Vec<Step> {
+    /// What rustup has of each: the standard library; nothing is linked.
+    const TARGETS: [&str; 3] = [
+        "x86_64-pc-windows-gnu",
+        "x86_64-pc-windows-msvc",
+        "aarch64-apple-darwin",
+    ];
+    let check = ["check", "--package", "xtask", "--locked", "--target"];
+    let of = |target| Step::cargo(format!("check for {target}"), &check).arg(target);
+    TARGETS.map(of).into()
 }
 
 fn tests() -> Result<Vec<Step>> {

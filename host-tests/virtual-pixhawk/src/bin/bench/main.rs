@@ -19,7 +19,6 @@ mod board;
 mod jobs;
 mod noise;
 mod table;
-mod usb;
 mod waits;
 
 use std::path::PathBuf;
@@ -80,12 +79,8 @@ fn main() -> anyhow::Result<ExitCode> {
         100.0,
         "crate mavlink 1550, C library 70",
     );
-    rows.push(mavlink.for_now(102.0));
-    rows.extend(usb::bytes(&subject)?);
-    let usb_noise = noise::costs(&subject, Line::Usb, 0)?;
-    // The budgets of a byte over USB and of a search.
-    let usb = noise::worst("any byte over USB, all in all", &usb_noise, 109.0, "");
-    rows.push(usb);
+    // A wake-up is for some ten bytes, looks at three links, and is built for size.
+    rows.push(mavlink.for_now(133.0));
     let stanag = Subject {
         firmware: Firmware::read(&stanag_image)?,
         pace: cpi,

@@ -5,7 +5,6 @@ use world::{Transmission, WorldNanos};
 
 use crate::board::{BAUD, MS, SECOND, Subject, executed, executed_by};
 use crate::table::{NoiseCosts, Row};
-use crate::usb;
 
 /// The line on which noise comes in.
 #[derive(Clone, Copy)]
@@ -14,8 +13,6 @@ pub enum Line {
     Gps,
     /// The client's.
     Mavlink,
-    /// The client's by USB.
-    Usb,
     /// The station's, which speaks STANAG 4586.
     Stanag,
 }
@@ -27,7 +24,7 @@ pub fn costs(subject: &Subject, line: Line, byte: u64) -> anyhow::Result<NoiseCo
     let begin = match line {
         // The board looks for its receiver at this rate first, from its start on.
         Line::Gps => 300 * MS,
-        Line::Mavlink | Line::Usb | Line::Stanag => 2 * SECOND,
+        Line::Mavlink | Line::Stanag => 2 * SECOND,
     };
     let start = WorldNanos(begin + 10 * MS);
     // 1 000 bytes last 87 ms; after the silence, the framer gives up what it held back.
@@ -41,13 +38,12 @@ pub fn costs(subject: &Subject, line: Line, byte: u64) -> anyhow::Result<NoiseCo
         match line {
             Line::Gps => executed(subject, script, Script::default(), window),
             Line::Mavlink => executed(subject, Script::default(), script, window),
-            Line::Usb => usb::executed(subject, script, window),
             Line::Stanag => executed_by(subject.board().telem2(script), window),
         }
     };
     let kinds = match line {
         Line::Gps => GPS_NOISE,
-        Line::Mavlink | Line::Usb => MAVLINK_NOISE,
+        Line::Mavlink => MAVLINK_NOISE,
         Line::Stanag => STANAG_NOISE,
     };
     let silence = run(Vec::new())?;

@@ -151,7 +151,7 @@ fn a_flood_takes_a_third_of_the_core_and_a_good_frame_behind_it_is_late_and_not_
         ("headers", &[0xfe, 14, 4]),
         ("PINGs", &ping),
     ] {
-        let until = 9 * SECOND;
+        let until = 12 * SECOND;
         let (mut board, count) = board(&firmware, Host::new(Script::default()), until);
         let instructions_at = |board: &mut Pixhawk, ms| {
             board.run_to(WorldNanos(ms * MS)).unwrap();

@@ -1,8 +1,8 @@
 //! The SD card's slot, and cards with what can be wrong with them.
 //!
 //! *Purpose.* A [`Card`] holds an image that a test has made and reads afterwards, or is a file, which
-//! it changes in place. It can be
-//! write-protected, slow, damaged on the way at a given block, and it can be pulled and put in.
+//! it changes in place. It can be write-protected, slow, noisy, damaged on the way at a given block, it can
+//! take blocks and keep nothing, and it can be pulled and put in.
 //!
 //! *Design.* The card itself is rigless's: its states, its commands, its blocks. Around it stands
 //! what that one has not: the second version of the specification (CMD8, and blocks addressed by
@@ -79,6 +79,9 @@ pub struct Card {
     /// The same after the block that it took last.
     busy_next_ns: u64,
     faults: BTreeMap<(Transfer, u64), Fault>,
+    /// Each this many blocks one is damaged, each way; none at 0.
+    noisy_each: u64,
+    keeps_nothing: bool,
     transfers: [u64; 2],
     fault: Option<Fault>,
     is_application: bool,
@@ -94,14 +97,18 @@ impl Card {
         Self::with(MemoryCard::holding(image), image.len() / BLOCK)
     }
 
-    /// The same of the first version, which is addressed by bytes; a multiple of 512 blocks, 2²¹ at
-    /// most.
+    /// The same of the first version.
     #[must_use]
     pub fn of_first_version(image: &[u8]) -> Self {
-        Self {
-            is_first_version: true,
-            ..Self::holding(image)
-        }
+        Self::holding(image).as_first_version()
+    }
+
+    /// Makes it one of the first version, which is addressed by bytes; a multiple of 512 blocks, and
+    /// from 2²¹ on of 1 024, 2²² (2 GB) at most.
+    #[must_use]
+    pub const fn as_first_version(mut self) -> Self {
+        self.is_first_version = true;
+        self
     }
 
     /// A card of the second version whose blocks are those of a file of any size, open to be read and
@@ -138,6 +145,8 @@ impl Card {
             busy_ns: BUSY_NS,
             busy_next_ns: BUSY_NS,
             faults: BTreeMap::new(),
+            noisy_each: 0,
+            keeps_nothing: false,
             transfers: [0; 2],
             fault: None,
             is_application: false,
@@ -165,6 +174,20 @@ impl Card {
     #[must_use]
     pub const fn busy_for_ns(mut self, ns: u64) -> Self {
         self.busy_ns = ns;
+        self
+    }
+
+    /// Damages one of so many blocks, each way.
+    #[must_use]
+    pub const fn noisy(mut self, each: u64) -> Self {
+        self.noisy_each = each;
+        self
+    }
+
+    /// Has it take blocks as a good card does, and stay as it was.
+    #[must_use]
+    pub const fn keeping_nothing(mut self) -> Self {
+        self.keeps_nothing = true;
         self
     }
 
@@ -200,7 +223,7 @@ impl Card {
 
     /// The block that is given, if it is for a file.
     fn write_file(&mut self, block: &[u8]) -> io::Result<()> {
-        let Some(file) = &mut self.file else {
+        let Some(file) = self.file.as_mut().filter(|_| !self.keeps_nothing) else {
             return Ok(());
         };
         file.seek(SeekFrom::Start(u64::from(self.addressed) * BLOCK as u64))?;
@@ -218,10 +241,12 @@ impl Card {
     /// Its CSD, where that of rigless's card is `csd`.
     fn described(&self, mut csd: [u32; 4]) -> [u32; 4] {
         if self.is_first_version {
-            // 5.3.2: C_SIZE + 1 times 2⁹ blocks, with C_SIZE_MULT at 7 and READ_BL_LEN at 9.
-            let size = (self.blocks >> 9) as u32 - 1;
+            // 5.3.2: C_SIZE + 1 times 2⁹ blocks, with C_SIZE_MULT at 7 and READ_BL_LEN at 9; C_SIZE has
+            // 12 bits, and beyond them READ_BL_LEN is 10, as it is of 2 GB.
+            let longer = (self.blocks > 1 << 21) as u32;
+            let size = (self.blocks >> 9 >> longer) as u32 - 1;
             csd[0] = 0x000E_0032;
-            csd[1] = 0x5B59_0000 | size >> 2;
+            csd[1] = 0x5B50_0000 | (9 + longer) << 16 | size >> 2;
             csd[2] = size << 30 | 7 << 15;
         }
         if self.is_write_protected {
@@ -234,6 +259,9 @@ impl Card {
         let nth = &mut self.transfers[transfer as usize];
         self.fault = self.faults.remove(&(transfer, *nth));
         *nth += 1;
+        if self.fault.is_none() && self.noisy_each > 0 && nth.is_multiple_of(self.noisy_each) {
+            self.fault = Some(Fault::Damaged);
+        }
     }
 
     /// What it answers while it programs the block that it took last; none once that is over.
@@ -383,6 +411,10 @@ impl sd::Card for Slot {
                     Some(Fault::Busy(ms)) => ms * 1_000_000,
                     _ => card.busy_ns,
                 };
+                if card.keeps_nothing {
+                    let old = card.card.stored(card.addressed as usize);
+                    return card.card.write(&old);
+                }
                 card.card.write(block)
             }
         }

@@ -37,6 +37,8 @@ mod radio;
 #[cfg(test)]
 mod receivers;
 #[cfg(test)]
+mod slot;
+#[cfg(test)]
 mod stanag;
 #[cfg(test)]
 mod status;

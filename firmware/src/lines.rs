@@ -2,32 +2,37 @@
 //! and USART3 (the connectors GPS, TELEM1 and TELEM2 of a Pixhawk 1).
 
 use cortex_m::peripheral::NVIC;
-use heapless::spsc::Queue;
 use stm32f4xx_hal::gpio::{PA0, PA1, PD5, PD6, PD8, PD9};
 use stm32f4xx_hal::interrupt;
 use stm32f4xx_hal::pac::{Interrupt, UART4, USART2, USART3};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::Rcc;
 use stm32f4xx_hal::serial::Serial;
+use timebase::{Stamp, StampedByte};
 
-use crate::drivers::uart::{Incoming, Line, Reader, Writer};
+use crate::drivers::ring::Ring;
+use crate::drivers::uart::{INCOMING, Incoming, Line, Reader, Writer};
 use crate::settings;
 
-/// A line over the given UART, whose outgoing ring holds one byte less than `$outgoing`.
+/// What an incoming ring holds before anything has come.
+const NO_BYTES: [StampedByte; INCOMING] = [StampedByte {
+    stamp: Stamp(0),
+    byte: 0,
+}; INCOMING];
+
+/// A line over the given UART, whose outgoing ring holds `$outgoing` bytes.
 macro_rules! line {
     ($name:ident, $uart:ident, $outgoing:literal) => {
         static $name: Line = {
-            static INCOMING: Incoming = Incoming::new();
-            static mut OUTGOING: Queue<u8, $outgoing> = Queue::new();
-            // SAFETY: the rings are named nowhere else, so that this is the only use of the first
-            // and the only split of the second. The UART is consumed by `start`.
-            #[expect(static_mut_refs, reason = "split once, here, at compile time")]
+            static INCOMING: Incoming = Incoming::new(NO_BYTES);
+            static OUTGOING: Ring<[u8; $outgoing]> = Ring::new([0; $outgoing]);
+            // SAFETY: the rings are named nowhere else. The UART is consumed by `start`.
             unsafe {
                 Line::new(
                     $uart::ptr().cast(),
                     Interrupt::$uart,
                     &INCOMING,
-                    OUTGOING.split_const(),
+                    &OUTGOING,
                 )
             }
         };

@@ -7,7 +7,7 @@ pub mod last_words;
 pub mod led;
 mod outbox;
 pub mod pulse;
-mod ring;
+pub mod ring;
 pub mod sdio;
 pub mod time;
 pub mod uart;

@@ -6,7 +6,7 @@
 //! *Design.* The handler stamps a byte, stores it and wakes no task. The alarm looks into the rings
 //! once a millisecond ([`Line::wake_reader`]), and wakes the task when the line pauses or many bytes
 //! wait. The stamps make that delay harmless. Each end of a ring has one owner: the handler owns
-//! the ends in [`Line`]; [`Line::open`] gives the other ends to a task, once.
+//! its ends in [`Line`]; [`Line::open`] gives the other ends to a task, once.
 //!
 //! | ring | filled by | drained by | when full |
 //! |---|---|---|---|
@@ -19,15 +19,12 @@
 //! lose one, counted as an overrun. Bytes with a framing error are dropped; a noisy byte is kept,
 //! since checksums judge it.
 
-use core::cell::{Cell, UnsafeCell};
 use core::future::poll_fn;
-use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering::Relaxed};
+use core::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering::Relaxed};
 use core::task::{Context, Poll};
 
 use cortex_m::peripheral::NVIC;
-use critical_section::Mutex;
 use embassy_sync::waitqueue::AtomicWaker;
-use heapless::spsc::{Consumer, Producer};
 use stm32f4xx_hal::pac::Interrupt;
 use stm32f4xx_hal::pac::usart1::RegisterBlock;
 use timebase::{CORE_HZ, Stamp, StampedByte};
@@ -62,7 +59,7 @@ const LOOK_EVERY: u32 = CORE_HZ / 1_000;
 
 /// The incoming ring of a line. It is beside the line and not in it because it is all zeros at first,
 /// and so takes no flash.
-pub type Incoming = Ring<INCOMING>;
+pub type Incoming = Ring<[StampedByte; INCOMING]>;
 
 /// What went wrong on a line, by kind.
 #[derive(Clone, Copy, Debug, Default)]
@@ -84,8 +81,8 @@ pub struct Line {
     registers: *const RegisterBlock,
     interrupt: Interrupt,
     incoming: &'static Incoming,
-    outgoing: UnsafeCell<Consumer<'static, u8>>,
-    end: Mutex<Cell<Option<Producer<'static, u8>>>>,
+    outgoing: &'static Ring<[u8]>,
+    is_open: AtomicBool,
     reader: AtomicWaker,
     /// How many bytes waited at the last call of [`Self::wake_reader`].
     waiting: AtomicUsize,
@@ -103,9 +100,8 @@ enum Kind {
     OutgoingFull,
 }
 
-// SAFETY: only `on_interrupt` touches `outgoing`, and its contract keeps it to one interrupt.
-// `incoming` is filled there and drained by the one `Reader`. Everything else is atomic or behind a
-// mutex.
+// SAFETY: only `on_interrupt` fills `incoming` and drains `outgoing`, and its contract keeps it to one
+// interrupt; the one `Reader` drains the first, the one `Writer` fills the second. Everything else is atomic.
 unsafe impl Sync for Line {}
 
 impl Line {
@@ -114,21 +110,21 @@ impl Line {
     ///
     /// # Safety
     ///
-    /// No other line has `incoming`. `registers` is a U(S)ART of the chip that no other code writes
+    /// No other line has `incoming` or `outgoing`. `registers` is a U(S)ART of the chip that no other code writes
     /// to once the line is open. (UART4's registers are those of a USART without the synchronous and
     /// flow-control bits, which stay 0 here.)
     pub const unsafe fn new(
         registers: *const RegisterBlock,
         interrupt: Interrupt,
         incoming: &'static Incoming,
-        outgoing: (Producer<'static, u8>, Consumer<'static, u8>),
+        outgoing: &'static Ring<[u8]>,
     ) -> Self {
         Self {
             registers,
             interrupt,
             incoming,
-            outgoing: UnsafeCell::new(outgoing.1),
-            end: Mutex::new(Cell::new(Some(outgoing.0))),
+            outgoing,
+            is_open: AtomicBool::new(false),
             reader: AtomicWaker::new(),
             waiting: AtomicUsize::new(0),
             // Half a ms after the alarm's own look.
@@ -140,13 +136,14 @@ impl Line {
     /// The task's ends of the rings, once, with the UART's interrupt sources on.
     /// `clock_hz` is what the UART's baud generator divides.
     pub fn open(&'static self, clock_hz: u32) -> Option<(Reader, Writer)> {
-        let outgoing = critical_section::with(|token| self.end.borrow(token).take())?;
+        if self.is_open.swap(true, Relaxed) {
+            return None;
+        }
         self.change_cr1(|cr1| cr1 | bits::CR1_RXNEIE);
         Some((
             Reader { line: self },
             Writer {
                 line: self,
-                outgoing,
                 clock_hz,
             },
         ))
@@ -169,7 +166,7 @@ impl Line {
         let byte = registers.dr().read().bits() as u8;
         if status & bits::SR_ERRORS == 0 || self.is_usable(status) {
             // SAFETY: this handler alone fills the ring.
-            if !unsafe { self.incoming.push(StampedByte { stamp, byte }) } {
+            if !unsafe { self.incoming().push(StampedByte { stamp, byte }) } {
                 self.count(Kind::IncomingFull);
             }
             if VARIANT.is_papers() {
@@ -184,9 +181,8 @@ impl Line {
     fn send(&self) {
         let registers = self.registers();
         while registers.sr().read().bits() & bits::SR_TXE != 0 {
-            // SAFETY: this handler is the ring's one consumer.
-            let outgoing = unsafe { &mut *self.outgoing.get() };
-            let Some(byte) = outgoing.dequeue() else {
+            // SAFETY: this handler alone drains the ring.
+            let Some(byte) = (unsafe { self.outgoing.pop() }) else {
                 return self.change_cr1(|cr1| cr1 & !bits::CR1_TXEIE);
             };
             // SAFETY: every value is a byte to send.
@@ -215,7 +211,7 @@ impl Line {
     /// variants it wakes the task when any bytes wait, see [`Self::look_as_px4`].
     #[inline]
     pub fn wake_reader(&self) {
-        let waiting = self.incoming.len();
+        let waiting = self.incoming().len();
         if waiting == 0 {
             return;
         }
@@ -256,6 +252,12 @@ impl Line {
         counter.store(counter.load(Relaxed).wrapping_add(1), Relaxed);
     }
 
+    #[inline(always)]
+    const fn incoming(&self) -> &Ring<[StampedByte]> {
+        self.incoming
+    }
+
+    #[inline(always)]
     fn registers(&self) -> &RegisterBlock {
         // SAFETY: `new`'s contract.
         unsafe { &*self.registers }
@@ -286,7 +288,7 @@ impl Reader {
     /// The same, for a task that waits for more than one line.
     pub fn poll_wait(&mut self, context: &Context<'_>) -> Poll<()> {
         self.line.reader.register(context.waker());
-        if self.line.incoming.len() == 0 {
+        if self.line.incoming().len() == 0 {
             Poll::Pending
         } else {
             Poll::Ready(())
@@ -295,14 +297,14 @@ impl Reader {
 
     /// How many bytes are there now.
     pub fn waiting(&self) -> usize {
-        self.line.incoming.len()
+        self.line.incoming().len()
     }
 
     /// Passes the bytes that are there now to `take`, in two pieces, and empties the ring.
     #[inline(always)]
     pub fn take(&mut self, take: impl FnMut(&[StampedByte])) {
         // SAFETY: there is one `Reader` of a line, and `take` cannot have it.
-        unsafe { self.line.incoming.drain(take) };
+        unsafe { self.line.incoming().drain(take) };
     }
 
     /// What went wrong on the line so far.
@@ -314,14 +316,13 @@ impl Reader {
 /// The task's end of the outgoing ring.
 pub struct Writer {
     line: &'static Line,
-    outgoing: Producer<'static, u8>,
     clock_hz: u32,
 }
 
 impl Writer {
     /// Bytes that have not left the ring yet.
     pub fn waiting(&self) -> usize {
-        self.outgoing.len()
+        self.line.outgoing.len()
     }
 
     /// Puts a whole frame into the ring, or none of it; whether there was room.
@@ -332,14 +333,12 @@ impl Writer {
     /// The same, but `kept` bytes of the ring stay free for what must have room.
     #[inline(never)]
     pub fn send_leaving(&mut self, frame: &[u8], kept: usize) -> bool {
-        let room = self.outgoing.capacity() - self.outgoing.len();
-        if room < frame.len() + kept {
+        let outgoing = self.line.outgoing;
+        let room = outgoing.capacity() - outgoing.len();
+        // SAFETY: there is one `Writer` of a line.
+        if room < frame.len() + kept || !unsafe { outgoing.push_all(frame) } {
             self.line.count(Kind::OutgoingFull);
             return false;
-        }
-        for &byte in frame {
-            // There is room, as found above, and only this code fills the ring.
-            let _ = self.outgoing.enqueue(byte);
         }
         self.line.change_cr1(|cr1| cr1 | bits::CR1_TXEIE);
         // A real UART raises its interrupt now, and QEMU's does from release 8 on. For older ones it
@@ -350,7 +349,7 @@ impl Writer {
 
     /// Whether everything has left the wire.
     pub fn is_idle(&self) -> bool {
-        self.outgoing.is_empty() && self.line.registers().sr().read().bits() & bits::SR_TC != 0
+        self.waiting() == 0 && self.line.registers().sr().read().bits() & bits::SR_TC != 0
     }
 
     /// Changes the rate of both directions; wait for [`Self::is_idle`] before. A byte that was on its way

@@ -22,6 +22,7 @@ use rigless::mcu::{Mcu, Operate as _};
 use rigless::snapshot::Store;
 use rigless::soc::stm32f427::Stm32f427;
 
+use crate::crystal::CrystalStart;
 use crate::card::{Card, Slot};
 use crate::meter::Meter;
 use crate::probe::Probe;
@@ -84,6 +85,7 @@ pub(crate) struct Pixhawk1 {
     meter: Meter,
     probe: Probe,
     programs_flash: bool,
+    crystal: CrystalStart,
 }
 
 /// What is plugged into a board.
@@ -126,12 +128,17 @@ impl Pixhawk1 {
             meter,
             probe,
             programs_flash: false,
+            crystal: CrystalStart::AtOnce,
         })
     }
 
-    /// Takes the crystal off, whose rate the core keeps all the same: an emulated core's is fixed.
-    pub(crate) fn without_crystal(mut self) -> Self {
-        self.mcu.rcc.attach_crystals(0, 0);
+    /// Gives it a crystal that starts so. Where it never does, the core keeps its rate all the same: an
+    /// emulated core's is fixed.
+    pub(crate) fn with_crystal_start(mut self, start: CrystalStart) -> Self {
+        if start == CrystalStart::Never {
+            self.mcu.rcc.attach_crystals(0, 0);
+        }
+        self.crystal = start;
         self
     }
 
@@ -195,7 +202,7 @@ impl Board for Pixhawk1 {
         );
         spec.processor = self
             .meter
-            .around(spec.processor, self.probe.clone(), self.programs_flash);
+            .around(spec.processor, self.probe.clone(), self.programs_flash, self.crystal);
         vec![Target::new("stm32f427", &mut self.mcu, spec)]
     }
 }

@@ -23,6 +23,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rigless::emulator::ProcessorConstructor;
 
+use crate::crystal::CrystalStart;
 use crate::flash::{APPLICATION, APPLICATION_MAX};
 use crate::image::{Firmware, Symbol};
 use crate::probe::Probe;
@@ -282,12 +283,13 @@ pub(crate) struct Meter(Arc<Mutex<Count>>);
 
 impl Meter {
     /// `constructor`, whose processor this meter can look at, and `probe` reach, and which may change its
-    /// flash.
+    /// flash and has such a crystal.
     pub(crate) fn around(
         &self,
         constructor: ProcessorConstructor,
         probe: Probe,
         programs_flash: bool,
+        crystal: CrystalStart,
     ) -> ProcessorConstructor {
         let count = Arc::clone(&self.0);
         Arc::new(move |endian| {
@@ -297,6 +299,7 @@ impl Meter {
                 Arc::clone(&count),
                 probe.clone(),
                 programs_flash,
+                crystal,
             )))
         })
     }

@@ -23,6 +23,7 @@ use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 use world::{Pulse, Receiver, Sent, Talker, WorldNanos};
 
+use crate::crystal::CrystalStart;
 use crate::board::{CyclesPerInstruction, GPS, Pixhawk1, Plugged, TELEM1, TELEM2};
 use crate::bootloader::Bootloader;
 use crate::card::Card;
@@ -76,7 +77,7 @@ pub struct Builder {
     unique_id: [u8; 12],
     upload: Option<(UploadBootloader, Vec<u8>)>,
     crystal_ppb: i32,
-    has_crystal: bool,
+    crystal_start: CrystalStart,
     pace: CyclesPerInstruction,
     gps: Box<dyn Talker + Send>,
     telem1: Box<dyn Talker + Send>,
@@ -112,7 +113,7 @@ impl Builder {
             unique_id: *b"virtual chip",
             upload: None,
             crystal_ppb: 0,
-            has_crystal: true,
+            crystal_start: CrystalStart::AtOnce,
             pace: std::env::var(PACE_VARIABLE).map_or(CyclesPerInstruction::ONE, |pace| {
                 pace.parse().expect("the variable of the core's pace")
             }),
@@ -125,10 +126,10 @@ impl Builder {
         }
     }
 
-    /// Takes the crystal off the board, or breaks it.
+    /// Gives it a crystal that starts so.
     #[must_use]
-    pub const fn without_crystal(mut self) -> Self {
-        self.has_crystal = false;
+    pub const fn crystal_start(mut self, start: CrystalStart) -> Self {
+        self.crystal_start = start;
         self
     }
 
@@ -230,7 +231,7 @@ impl Builder {
             unique_id,
             upload,
             crystal_ppb,
-            has_crystal,
+            crystal_start,
             pace,
             gps,
             telem1,
@@ -256,9 +257,7 @@ impl Builder {
             meter.clone(),
             probe.clone(),
         )?;
-        if !has_crystal {
-            board = board.without_crystal();
-        }
+        board = board.with_crystal_start(crystal_start);
         let mut images = match upload {
             Some((bootloader, application)) => {
                 board = board.with_programmable_flash();

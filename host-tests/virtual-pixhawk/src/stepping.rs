@@ -22,6 +22,7 @@ use rigless::emulator::{
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
 
+use crate::crystal::{CrystalStart, SlowCrystal, Starting};
 use crate::flash_array::{FlashArray, Programming};
 use crate::probe::Probe;
 
@@ -82,6 +83,8 @@ pub(crate) struct Stepping<O> {
     probe: Probe,
     /// The flash, if the core may change it.
     flash: Option<FlashArray>,
+    /// The crystal, if it does not start at once.
+    crystal: Option<SlowCrystal>,
 }
 
 impl<O> Stepping<O> {
@@ -90,12 +93,14 @@ impl<O> Stepping<O> {
         observer: Arc<Mutex<O>>,
         probe: Probe,
         programs_flash: bool,
+        crystal: CrystalStart,
     ) -> Self {
         Self {
             inner,
             observer,
             probe,
             flash: programs_flash.then(FlashArray::default),
+            crystal: SlowCrystal::new(crystal),
         }
     }
 
@@ -157,12 +162,17 @@ impl<O: Observer> Stepping<O> {
 impl<O: Observer> Processor for Stepping<O> {
     fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
         self.probe.apply(&mut *self.inner, &*bus);
-        let Some(flash) = self.flash.take() else {
-            return self.run_observed(budget, bus);
-        };
-        let ran = self.run_observed(budget, &mut Programming::new(bus, &flash));
-        self.flash = Some(flash);
-        ran
+        if let Some(flash) = self.flash.take() {
+            let ran = self.run_observed(budget, &mut Programming::new(bus, &flash));
+            self.flash = Some(flash);
+            ran
+        } else if let Some(mut crystal) = self.crystal.take() {
+            let ran = self.run_observed(budget, &mut Starting::new(bus, &mut crystal));
+            self.crystal = Some(crystal);
+            ran
+        } else {
+            self.run_observed(budget, bus)
+        }
     }
 
     fn retired(&self) -> u64 {
@@ -202,6 +212,9 @@ impl<O: Observer> Processor for Stepping<O> {
     }
 
     fn reset(&mut self) {
+        if let Some(crystal) = &mut self.crystal {
+            crystal.reset();
+        }
         self.inner.reset();
     }
 

@@ -217,7 +217,7 @@ impl<W: Wanted, const PAYLOAD: usize, const ENDS: usize> Framer<W, PAYLOAD, ENDS
 
     /// Takes a byte. Returns the length of the frame that ends with it, for [`Self::take`]; 0 if
     /// none does.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn push(&mut self, byte: StampedByte) -> u16 {
         let is_event = self.position == self.event;

@@ -19,7 +19,7 @@ use crate::reports::LinkReport;
 use crate::{board, image_words, settings};
 
 /// With this many bytes or fewer on their way out, the next frame of a long answer may follow:
-/// they last 5.5 ms at 115200. 173 bytes at most wait then, of 1023. The rest has room for an answer
+/// they last 5.5 ms at 115200. 173 bytes at most wait then, of 1024. The rest has room for an answer
 /// to each request in a full incoming ring (19, of 26 bytes each) and for what is kept for a second's
 /// broadcasts.
 const NEXT_BELOW: usize = 64;

@@ -37,7 +37,7 @@ pub use link::Port;
 const PACE: Duration = Duration::from_millis(5);
 
 /// A restart into the bootloader waits until what is in the outgoing rings, the answer among it, has
-/// left: at 57600 Bd 1023 bytes last 178 ms.
+/// left: at 57600 Bd 1024 bytes last 178 ms.
 const LEAVES_AFTER: Duration = Duration::from_millis(200);
 
 /// The lines that the task has.

@@ -5,7 +5,7 @@ use crate::common::{BAUD, MS, SECOND, image, messages};
 use console::Level;
 use mavlink_node::client::{Client, Message};
 use mavlink_node::{Address, Parameter, Version};
-use virtual_pixhawk::{Builder, Connector, Firmware, Logged, Pixhawk, Script};
+use virtual_pixhawk::{Builder, Connector, CrystalStart, Firmware, Logged, Pixhawk, Script};
 use world::{Transmission, WorldNanos};
 
 /// GPIOE's mode and output data; the LED is at its pin 12, lit when low.
@@ -400,10 +400,12 @@ fn a_crystal_that_dies_is_shown_on_the_other_clock_and_reported() {
 }
 
 #[test]
-#[ignore = "the emulator has HSERDY at once without a crystal, so that the PLL is waited for until the watchdog bites"]
 fn a_crystal_that_does_not_start_is_said_on_the_line_at_hsis_speed_and_shown() {
     let Some(firmware) = image() else { return };
-    let mut board = Builder::new(firmware).without_crystal().power_on().unwrap();
+    let mut board = Builder::new(firmware)
+        .crystal_start(CrystalStart::Never)
+        .power_on()
+        .unwrap();
     // Each run waits 100 ms for it.
     board.run_to(WorldNanos(7 * SECOND)).unwrap();
     let restarts = board.restarts().unwrap();
@@ -432,6 +434,26 @@ fn a_crystal_that_does_not_start_is_said_on_the_line_at_hsis_speed_and_shown() {
     ];
     runs.drain(..runs.iter().position(|ms| *ms > 900).unwrap() + 9);
     assert!(is_about(&runs, &cycle), "{runs:?}");
+}
+
+#[test]
+fn a_crystal_that_starts_late_is_reported_and_used() {
+    let Some(firmware) = image() else { return };
+    let mut board = Builder::new(firmware)
+        .crystal_start(CrystalStart::After(40 * MS))
+        .power_on()
+        .unwrap();
+    board.run_to(WorldNanos(3 * SECOND)).unwrap();
+    assert!(board.restarts().unwrap().is_empty());
+    let (texts, _) = texts_and_value(&mut board);
+    let after_us: u64 = texts
+        .iter()
+        .find_map(|text| text.strip_prefix("the crystal started late: ")?.strip_suffix(" us"))
+        .unwrap_or_else(|| panic!("{texts:?}"))
+        .parse()
+        .unwrap();
+    // HSI, which times it, is off by 1 % at most (DS9484).
+    assert!(after_us.abs_diff(40_000) <= 400, "{after_us}");
 }
 
 #[test]

@@ -27,14 +27,7 @@ macro_rules! line {
             static INCOMING: Incoming = Incoming::new(NO_BYTES);
             static OUTGOING: Ring<[u8; $outgoing]> = Ring::new([0; $outgoing]);
             // SAFETY: the rings are named nowhere else. The UART is consumed by `start`.
-            unsafe {
-                Line::new(
-                    $uart::ptr().cast(),
-                    Interrupt::$uart,
-                    &INCOMING,
-                    &OUTGOING,
-                )
-            }
+            unsafe { Line::new($uart::ptr().cast(), Interrupt::$uart, &INCOMING, &OUTGOING) }
         };
     };
 }

@@ -24,11 +24,13 @@ fn text(bytes: &[u8]) -> String {
 
 /// A folder with what the verbs below read.
 fn folder() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir().expect("the test's own files can be used");
     let file = |name: &str, content: &[u8]| std::fs::write(folder.path().join(name), content);
-    file("trace.csv", TRACE.as_bytes()).unwrap();
-    file("silent.ev", b"# window 0 5 first half\n10000000,pulse\n").unwrap();
-    file("card.img", &fat_image::formatted(fat_image::Kind::Fat16)).unwrap();
+    file("trace.csv", TRACE.as_bytes()).expect("the test's own files can be used");
+    file("silent.ev", b"# window 0 5 first half\n10000000,pulse\n")
+        .expect("the test's own files can be used");
+    file("card.img", &fat_image::formatted(fat_image::Kind::Fat16))
+        .expect("the test's own files can be used");
     folder
 }
 
@@ -50,7 +52,7 @@ fn each(stdout: impl Fn() -> Stdio) -> Vec<(&'static str, Output)> {
     let run = |verb: &'static str| {
         let mut command = xtask(folder.path());
         let output = command.args(verb.split(' ')).stdout(stdout()).output();
-        (verb, output.unwrap())
+        (verb, output.expect("the test's own files can be used"))
     };
     VERBS.into_iter().map(run).collect()
 }

@@ -50,12 +50,15 @@ impl Board {
     }
 
     fn now(&self) -> Cycles {
-        Cycles::from_nanos(u64::try_from(self.boot.elapsed().as_nanos()).unwrap())
+        Cycles::from_nanos(
+            u64::try_from(self.boot.elapsed().as_nanos()).expect("the test's own net works"),
+        )
     }
 
     fn reading(&self) -> Reading {
         let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-        let host_ns = i64::try_from(since_1970.unwrap().as_nanos()).unwrap();
+        let host_ns = i64::try_from(since_1970.expect("the test's own net works").as_nanos())
+            .expect("the test's own net works");
         Reading {
             time: NodeTime {
                 boot: self.now(),
@@ -88,11 +91,15 @@ impl Board {
 
     /// Lives in the group as long as the test.
     fn join(mut self, place: &str) {
-        let mut group = Group::node(place.parse().unwrap()).unwrap();
+        let mut group = Group::node(place.parse().expect("the test's own net works"))
+            .expect("the test's own net works");
         thread::spawn(move || {
             let mut buffer = [0; 2_048];
             loop {
-                let received = group.receive(&mut buffer).unwrap().map(<[u8]>::to_vec);
+                let received = group
+                    .receive(&mut buffer)
+                    .expect("the test's own net works")
+                    .map(<[u8]>::to_vec);
                 for frame in received.map(|it| self.answer(&it)).unwrap_or_default() {
                     group.send(&frame);
                 }
@@ -102,7 +109,8 @@ impl Board {
 
     /// Lives at the other end of a serial line as long as the test.
     fn on_line(mut self, mut line: TTYPort) {
-        line.set_timeout(Duration::from_millis(20)).unwrap();
+        line.set_timeout(Duration::from_millis(20))
+            .expect("the test's own net works");
         thread::spawn(move || {
             let mut buffer = [0; 256];
             loop {
@@ -123,7 +131,9 @@ impl Board {
                         continue;
                     };
                     let clock = (&at_arrival, &self.reading());
-                    let send = &mut |frame: &[u8]| line.write_all(frame).unwrap();
+                    let send = &mut |frame: &[u8]| {
+                        line.write_all(frame).expect("the test's own net works");
+                    };
                     self.node.answer(&request, clock, &NoParameters, send);
                 }
             }

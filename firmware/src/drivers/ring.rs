@@ -99,11 +99,14 @@ impl<T: Copy> Ring<[T]> {
         let from = items.as_ptr();
         // SAFETY: both pieces lie in the ring and in `items`, and are drained, so nobody reads them.
         unsafe {
-            self.begin().add(begin).copy_from_nonoverlapping(from, first);
+            self.begin()
+                .add(begin)
+                .copy_from_nonoverlapping(from, first);
             let rest = items.len() - first;
             self.begin().copy_from_nonoverlapping(from.add(first), rest);
         }
-        self.filled.store(filled.wrapping_add(items.len() as u32), Release);
+        self.filled
+            .store(filled.wrapping_add(items.len() as u32), Release);
         true
     }
 

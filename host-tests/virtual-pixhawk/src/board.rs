@@ -22,8 +22,8 @@ use rigless::mcu::{Mcu, Operate as _};
 use rigless::snapshot::Store;
 use rigless::soc::stm32f427::Stm32f427;
 
-use crate::crystal::CrystalStart;
 use crate::card::{Card, Slot};
+use crate::crystal::CrystalStart;
 use crate::meter::Meter;
 use crate::probe::Probe;
 use crate::pulse_wire::PulseWire;
@@ -200,9 +200,12 @@ impl Board for Pixhawk1 {
             armv7m::Fpu::FpV4Sp,
             armv7m::MpuRegions::Eight,
         );
-        spec.processor = self
-            .meter
-            .around(spec.processor, self.probe.clone(), self.programs_flash, self.crystal);
+        spec.processor = self.meter.around(
+            spec.processor,
+            self.probe.clone(),
+            self.programs_flash,
+            self.crystal,
+        );
         vec![Target::new("stm32f427", &mut self.mcu, spec)]
     }
 }

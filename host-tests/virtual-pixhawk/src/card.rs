@@ -243,7 +243,7 @@ impl Card {
         if self.is_first_version {
             // 5.3.2: C_SIZE + 1 times 2⁹ blocks, with C_SIZE_MULT at 7 and READ_BL_LEN at 9; C_SIZE has
             // 12 bits, and beyond them READ_BL_LEN is 10, as it is of 2 GB.
-            let longer = (self.blocks > 1 << 21) as u32;
+            let longer = u32::from(self.blocks > 1 << 21);
             let size = (self.blocks >> 9 >> longer) as u32 - 1;
             csd[0] = 0x000E_0032;
             csd[1] = 0x5B50_0000 | (9 + longer) << 16 | size >> 2;

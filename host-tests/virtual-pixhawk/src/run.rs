@@ -23,10 +23,10 @@ use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 use world::{Pulse, Receiver, Sent, Talker, WorldNanos};
 
-use crate::crystal::CrystalStart;
 use crate::board::{CyclesPerInstruction, GPS, Pixhawk1, Plugged, TELEM1, TELEM2};
 use crate::bootloader::Bootloader;
 use crate::card::Card;
+use crate::crystal::CrystalStart;
 use crate::flash::APPLICATION;
 use crate::gaps::Gaps;
 use crate::image::Firmware;

@@ -428,7 +428,7 @@ fn a_crystal_that_does_not_start_is_said_on_the_line_at_hsis_speed_and_shown() {
             .iter()
             .any(|line| line.starts_with("the crystal failed, after 0 ms"))
     );
-    let mut runs = flashes(&mut board, 9 * SECOND);
+    let mut runs = flashes(&mut board, 14 * SECOND);
     let cycle = [
         100, 100, 100, 100, 400, 1_000, 150, 250, 150, 250, 150, 250, 150, 850,
     ];
@@ -448,7 +448,10 @@ fn a_crystal_that_starts_late_is_reported_and_used() {
     let (texts, _) = texts_and_value(&mut board);
     let after_us: u64 = texts
         .iter()
-        .find_map(|text| text.strip_prefix("the crystal started late: ")?.strip_suffix(" us"))
+        .find_map(|text| {
+            text.strip_prefix("the crystal started late: ")?
+                .strip_suffix(" us")
+        })
         .unwrap_or_else(|| panic!("{texts:?}"))
         .parse()
         .unwrap();

@@ -217,18 +217,22 @@ impl<W: Wanted> Framer<W> {
     /// The last two bytes may be Message Properties: is what stands before them a header?
     #[inline(never)]
     fn handle_properties(&mut self) {
+        let start = self.position.wrapping_sub(WRAPPER as u32);
+        let head = self.word(start);
+        // What noise has least often is looked at first.
+        if head >> 16 != 0xFFFF {
+            return;
+        }
         let Some(layout) = W::layout((self.last >> 16) as u16) else {
             return;
         };
-        let start = self.position.wrapping_sub(WRAPPER as u32);
         let is_free = self.position.wrapping_sub(self.free_from) >= WRAPPER as u32;
-        let head = self.word(start);
         let destination = self.word(start.wrapping_add(8));
         let is_for_us = destination == self.us || destination == NodeId::BROADCAST.0;
         let length = (head & 0xFFFF) as usize;
         let least = usize::from(layout.vector);
         let is_possible = (least..=layout.longest()).contains(&length);
-        if !is_free || head >> 16 != 0xFFFF || !is_for_us || !is_possible {
+        if !is_free || !is_for_us || !is_possible {
             return;
         }
         let sum = match self.last >> 6 & 0b11 {

@@ -136,7 +136,7 @@ pub fn nav_pvt(subject: &Subject) -> anyhow::Result<Row> {
         3_000.0,
         "PX4 5028, inav 3901, crate ublox 993 to 31836 (parsing alone)",
     )
-    .for_now(4_600.0))
+    .for_now(4_420.0))
 }
 
 /// From a PING's whole frame to the bytes of its answer. The search for its
@@ -166,7 +166,7 @@ pub fn ping(subject: &Subject) -> anyhow::Result<Row> {
         1_200.0,
         "C library 2319",
     )
-    .for_now(1_270.0))
+    .for_now(1_265.0))
 }
 
 /// The part of all cycles in which the core is not asleep, in %, with marks at 5 Hz and

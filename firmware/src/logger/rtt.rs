@@ -5,7 +5,7 @@
 //! board moves the write offset, the probe the read offset. A frame's bytes are copied behind the write
 //! offset, which moves when the frame is whole.
 //!
-//! *Limits.* [`SIZE`] less a byte is the longest frame, and a minute of status lines: a probe has as long
+//! *Limits.* [`SIZE`] less a byte is the longest frame, and half a minute of status lines: a probe has as long
 //! to come by.
 
 use core::cell::UnsafeCell;
@@ -15,7 +15,7 @@ use core::sync::atomic::{
 };
 
 /// Bytes of the ring; a power of two.
-const SIZE: u32 = 16 * 1024;
+const SIZE: u32 = 8 * 1024;
 const MASK: u32 = SIZE - 1;
 const _: () = assert!(SIZE.is_power_of_two());
 

@@ -24,7 +24,7 @@ const ALARM: &str = "firmware::start::on_alarm";
 const IN_A_FRAME: &str = "firmware::tasks::status::count";
 /// The control block of the log, and in it the offsets of the board and the probe, and the flags.
 const RTT: &str = "_SEGGER_RTT";
-const RTT_SIZE: u32 = 16 * 1_024;
+const RTT_SIZE: u32 = 8 * 1_024;
 const RTT_WRITE: usize = 36;
 const RTT_READ: u32 = 40;
 const RTT_FLAGS: u32 = 44;

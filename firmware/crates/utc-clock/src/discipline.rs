@@ -295,10 +295,9 @@ impl Discipline {
         let observed_floor =
             self.envelope
                 .update(observed.at.as_micros(), lateness_ns, is_better_known);
-        let (floor, has_moved, has_drifted) = match observed_floor {
-            EnvelopeVerdict::Estimate(floor) => (floor, false, false),
-            EnvelopeVerdict::Moved(floor) => (floor, true, false),
-            EnvelopeVerdict::Drifted(floor) => (floor, true, true),
+        let (floor, has_moved) = match observed_floor {
+            EnvelopeVerdict::Estimate(floor) => (floor, false),
+            EnvelopeVerdict::Moved(floor) => (floor, true),
             EnvelopeVerdict::Late => return Err(Refusal::Late),
             EnvelopeVerdict::Early => return Err(Refusal::Early),
         };
@@ -319,7 +318,7 @@ impl Discipline {
             Some((pulse_ns, _)) if is_better_known => {
                 self.learn_latency(pulse_ns.saturating_sub(floor_ns), has_moved);
             }
-            _ if has_moved && !has_drifted => {
+            _ if has_moved => {
                 let shown_ns = observed.published.0.saturating_add(self.shift_ns);
                 self.move_latency(shown_ns.saturating_sub(floor_ns), &floor);
             }
@@ -334,7 +333,6 @@ impl Discipline {
             return Ok(Correction::Nothing);
         }
         if floor.is_fresh
-            && !has_drifted
             && self.has_settled
             && observed
                 .uncertainty_ns
@@ -353,9 +351,7 @@ impl Discipline {
             .saturating_sub(self.shift_ns)
             .saturating_sub(observed.published.0);
         let course = self.course(observed.at, error_ns, uncertainty_ns);
-        Ok(if has_drifted && self.is_set {
-            Correction::Step(course)
-        } else if core::mem::replace(&mut self.is_set, true) {
+        Ok(if core::mem::replace(&mut self.is_set, true) {
             Correction::Follow(course)
         } else {
             Correction::First(course)

@@ -132,8 +132,6 @@ pub enum EnvelopeVerdict {
     Early,
     /// It confirms that the floor has moved: everything but the frequency begins anew.
     Moved(EnvelopeEstimate),
-    /// It confirms that the frequency was wrong, and with it the line: the floor is where it was.
-    Drifted(EnvelopeEstimate),
 }
 
 /// What the bins still have to be asked.
@@ -348,7 +346,6 @@ impl Envelope {
                 self.variance = LOST_PPB * LOST_PPB;
                 self.learnt_s = 0.0;
                 self.begin(at_us, point);
-                return Some(EnvelopeVerdict::Drifted(self.floor(point)));
             }
         }
         Some(EnvelopeVerdict::Moved(self.floor(point)))

@@ -106,7 +106,7 @@
 //! | first marks | `envelope` | 20 s | a late or early first mark, one wrong label | begins the line anew |
 //! | silence of a young line | `envelope` | 2 min | a line that ran on by a crystal of which little is known | begins anew |
 //! | early, late | `envelope` (`apart`) | 75 s; 240 s | labels that are off, a queue, a floor that moves | holds the marks off, then takes the floor for another latency |
-//! | still moving | `envelope` (`apart`) | twice that | ramps, a frequency learnt from one | not followed; the frequency is learnt anew, and the clock steps back to the floor |
+//! | still moving | `envelope` (`apart`) | twice that | ramps, a frequency learnt from one | not followed; the frequency is learnt anew |
 //! | wander | `envelope` (`wander`) | 8 min | floors that breathe | the frequency of many minutes, the scatter in the uncertainty |
 //! | step of the frequency | `envelope` | 2 s | a floor taken for a crystal | 4.8 ppm a minute at most, 110 ppm in all |
 //! | seconds of another length | `train` | 8 pulses | a crystal beyond 110 ppm, by the pulse | unset until pulses or blocks say otherwise |

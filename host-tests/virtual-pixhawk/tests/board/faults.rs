@@ -362,14 +362,14 @@ fn a_fault_inside_a_frame_of_the_log_is_shown_and_reported() {
 fn an_interrupt_without_a_handler_is_shown_and_reported() {
     let Some(firmware) = image() else { return };
     let case = Case {
-        at_once: Some("interrupt 67 has no handler".to_owned()),
-        later: "interrupt 67 has no handler".to_owned(),
-        text: "no handler for exception 83".to_owned(),
+        at_once: Some("interrupt 68 has no handler".to_owned()),
+        later: "interrupt 68 has no handler".to_owned(),
+        text: "no handler for exception 84".to_owned(),
         number: 3.0,
     };
     judge(&firmware, &case, SHOWN, |board| {
-        board.poke_core(ISER2, 1 << 3);
-        board.poke_core(ISPR2, 1 << 3);
+        board.poke_core(ISER2, 1 << 4);
+        board.poke_core(ISPR2, 1 << 4);
         None
     });
     let case = Case {
